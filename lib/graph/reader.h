@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+/// \file
+/// Reads graph files.
+#pragma once
+
+#include "rayloom/graph/model.h"
+
+#include <string>
+#include <vector>
+
+namespace rayloom
+{
+
+/// Reads and validates a graph file: every op, port, parameter and reference is checked against
+/// the registry, graphs used as nodes are read too, and cycles are refused. Throws GraphError with
+/// every problem found (file:line:column, with suggestions), InputError when the file cannot be
+/// read.
+Graph read_graph(const std::string& path);
+
+/// Same for text; `name` stands for the file in messages, `folder` for relative paths.
+Graph parse_graph(const std::string& text, const std::string& name,
+                  const std::string& folder = ".");
+
+/// Finds a graph by path, or by name in the folders of $RAYLOOM_GRAPH_PATH, and in the installed
+/// and source graphs/ folder. Throws InputError that lists the places searched.
+std::string find_graph(const std::string& name_or_path);
+
+} // namespace rayloom
