@@ -286,6 +286,8 @@ public:
     /// Sources: a hash of the content behind this node beyond its parameters (file bytes); empty
     /// when the parameters say it all. `thorough` asks for the bytes, else size and time may do.
     virtual std::string content_key(bool thorough) const;
+    /// Sources with a deep output: one row of it, called top to bottom, one call at a time.
+    virtual DeepRow read_deep_row(int y) const;
 };
 
 } // namespace rayloom
