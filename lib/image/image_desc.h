@@ -5,13 +5,17 @@
 
 #include "rayloom/image/region.h"
 
-#include <OpenImageIO/imageio.h>
+#include <OpenImageIO/oiioversion.h>
 
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+OIIO_NAMESPACE_BEGIN
+class ImageSpec;
+OIIO_NAMESPACE_END
 
 namespace rayloom
 {
