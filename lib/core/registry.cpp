@@ -40,9 +40,11 @@ void Registry::add(NodeInfo info)
     info.origin = m_origin;
     const std::string name = info.name;
     const auto [it, added] = m_nodes.emplace(name, std::move(info));
-    if (!added)
-        throw Error("node '" + name + "' is declared twice (" + it->second.origin + " and " +
-                    m_origin + ")");
+    if (added) return;
+    const std::string clash =
+        "node '" + name + "' is declared twice (" + it->second.origin + " and " + m_origin + ")";
+    if (!m_loading) throw Error(clash);
+    m_clash = clash;
 }
 
 const NodeInfo* Registry::find(std::string_view name) const
@@ -82,12 +84,15 @@ void Registry::load_plugins(const std::string& folders)
             throw InputError("plug-in folder '" + folder.string() + "': " + status.message());
         std::sort(files.begin(), files.end());
         for (const fs::path& file : files) {
-            // A plug-in's static initialisers call add(); one that throws there would end the
-            // process, so a name that is taken is found by RAYLOOM_NODE's add() before dlopen ends.
             m_origin = file.string();
+            m_loading = true;
+            m_clash.clear();
+            // Runs the plug-in's static initialisers, which call add().
             void* handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+            m_loading = false;
             m_origin = "built in";
             if (!handle) throw InputError("plug-in '" + file.string() + "': " + dlerror());
+            if (!m_clash.empty()) throw InputError("plug-in '" + file.string() + "': " + m_clash);
         }
     }
 }

@@ -258,7 +258,8 @@ class Registry
 public:
     static Registry& instance();
 
-    /// Throws Error when the name is taken.
+    /// Throws Error when the name is taken; within load_plugins() that error is kept until the
+    /// plug-in's static initialisers are done, as nothing may be thrown through them.
     void add(NodeInfo info);
     const NodeInfo* find(std::string_view name) const;
     /// Sorted by name.
@@ -272,6 +273,8 @@ public:
 private:
     std::map<std::string, NodeInfo, std::less<>> m_nodes;
     std::string m_origin = "built in";
+    bool m_loading = false;
+    std::string m_clash; ///< what add() has to say against the plug-in being loaded
 };
 
 /// NodeInfo of a node class; registering it is up to the caller (tests of the contract use this).

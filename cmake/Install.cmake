@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+# cmake --install: library, headers, command, graphs, and what find_package() and pkg-config read.
+include(CMakePackageConfigHelpers)
+
+install(TARGETS rayloom EXPORT rayloomTargets
+  LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
+  INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+if(TARGET rayloom_command)
+  install(TARGETS rayloom_command RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endif()
+install(DIRECTORY lib/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/rayloom
+  FILES_MATCHING PATTERN "*.h" PATTERN cli EXCLUDE PATTERN python EXCLUDE)
+install(DIRECTORY graphs DESTINATION ${RAYLOOM_DATA_FOLDER} FILES_MATCHING PATTERN "*.yaml")
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+
+install(EXPORT rayloomTargets NAMESPACE rayloom:: DESTINATION ${RAYLOOM_CMAKE_FOLDER})
+configure_package_config_file(cmake/rayloomConfig.cmake.in ${CMAKE_BINARY_DIR}/rayloomConfig.cmake
+  INSTALL_DESTINATION ${RAYLOOM_CMAKE_FOLDER} PATH_VARS RAYLOOM_DATA_FOLDER)
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/rayloomConfigVersion.cmake
+  COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_BINARY_DIR}/rayloomConfig.cmake ${CMAKE_BINARY_DIR}/rayloomConfigVersion.cmake
+  cmake/OpenImageIOTarget.cmake DESTINATION ${RAYLOOM_CMAKE_FOLDER})
+
+# The .pc file lies in <libdir>/pkgconfig; its prefix is found from there.
+file(RELATIVE_PATH RAYLOOM_PC_TO_PREFIX /prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig /prefix)
+configure_file(cmake/rayloom.pc.in ${CMAKE_BINARY_DIR}/rayloom.pc @ONLY)
+install(FILES ${CMAKE_BINARY_DIR}/rayloom.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME rayloom)
+set(CPACK_PACKAGE_CONTACT "The rayloom authors <rayloom@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_RESOURCE_FILE_LICENSE ${CMAKE_SOURCE_DIR}/LICENSE)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+# Headers come along, so what they include is wanted too.
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libopenimageio-dev, libtbb-dev")
+include(CPack)
