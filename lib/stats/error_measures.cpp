@@ -68,8 +68,13 @@ ChannelSums channel_sums(const double* d, const double* r, std::size_t n)
     for (; i + lanes <= n; i += lanes)
         for (std::size_t l = 0; l < lanes; ++l) add(l, d[i + l], r[i + l]);
     for (; i < n; ++i) add(i % lanes, d[i], r[i]);
-    return {pairwise_sum(sq), pairwise_sum(sc), pairwise_sum(rel), pairwise_sum(sm),
-            pairwise_sum(sd), pairwise_sum(sr), *std::max_element(mx.begin(), mx.end())};
+    return {pairwise_sum(sq),
+            pairwise_sum(sc),
+            pairwise_sum(rel),
+            pairwise_sum(sm),
+            pairwise_sum(sd),
+            pairwise_sum(sr),
+            *std::max_element(mx.begin(), mx.end())};
 }
 
 void check_pair(const ConstImageView& image, const ConstImageView& reference)
@@ -342,10 +347,9 @@ ErrorMeasures measure_errors(ConstImageView image, ConstImageView reference,
     constexpr double left_out = -1.0;
     for_strips(region, [&](int y0, int y1) {
         meter.add_rows(pair, y0, y1,
-                       std::span(sums).subspan(static_cast<std::size_t>(y0 - region.y0) *
-                                                   ErrorMeter::sum_count,
-                                               static_cast<std::size_t>(y1 - y0) *
-                                                   ErrorMeter::sum_count));
+                       std::span(sums).subspan(
+                           static_cast<std::size_t>(y0 - region.y0) * ErrorMeter::sum_count,
+                           static_cast<std::size_t>(y1 - y0) * ErrorMeter::sum_count));
         PairRow row(region.width());
         for (int y = y0; y < y1; ++y) {
             row.load(pair, y, region.x0, region.x1);
@@ -359,8 +363,8 @@ ErrorMeasures measure_errors(ConstImageView image, ConstImageView reference,
         }
     });
     tree_combine(sums, ErrorMeter::sum_count, ErrorMeter::combine);
-    ErrorMeasures m =
-        meter.measures(std::span<const double>(sums).first(ErrorMeter::sum_count), image.channels());
+    ErrorMeasures m = meter.measures(std::span<const double>(sums).first(ErrorMeter::sum_count),
+                                     image.channels());
     if (m.pixels == 0)
         throw InputError("no pixel is finite in both images; there is nothing to measure");
 

@@ -17,11 +17,11 @@ namespace
 {
 
 constexpr double pi = std::numbers::pi;
-constexpr double colour_exponent = 0.7;   // q_c
-constexpr double break_share = 0.4;       // p_c
-constexpr double break_value = 0.95;      // p_t
-constexpr double feature_width = 0.082;   // w, degrees
-constexpr double display_target = 0.85;   // t of HDR-FLIP
+constexpr double colour_exponent = 0.7; // q_c
+constexpr double break_share = 0.4;     // p_c
+constexpr double break_value = 0.95;    // p_t
+constexpr double feature_width = 0.082; // w, degrees
+constexpr double display_target = 0.85; // t of HDR-FLIP
 
 /// One term a·√(π/b)·exp(−π²·x²/b) of a contrast sensitivity function, x in degrees.
 struct CsfTerm {
@@ -250,8 +250,8 @@ ExposureRange flip_exposures(std::span<double> luminance, ToneMapper mapper)
     if (highest == 0.0) return {};
     double middle = median(luminance);
     if (middle == 0.0) {
-        const auto positive = std::partition(luminance.begin(), luminance.end(),
-                                             [](double y) { return y == 0.0; });
+        const auto positive =
+            std::partition(luminance.begin(), luminance.end(), [](double y) { return y == 0.0; });
         middle = median({positive, luminance.end()});
     }
     const double x = tone_curve(mapper).inverse(display_target);
@@ -267,8 +267,8 @@ Flip::Flip(double pixels_per_degree)
     if (!(pixels_per_degree >= 1.0 && pixels_per_degree <= 1000.0))
         throw NodeError("FLIP needs 1 to 1000 pixels per degree, not " +
                         std::to_string(pixels_per_degree));
-    const double widest = std::max({csf_achromatic.b, csf_red_green.b, csf_blue_yellow[0].b,
-                                    csf_blue_yellow[1].b});
+    const double widest =
+        std::max({csf_achromatic.b, csf_red_green.b, csf_blue_yellow[0].b, csf_blue_yellow[1].b});
     const int colour_radius =
         static_cast<int>(std::ceil(3.0 * std::sqrt(widest / (2.0 * pi * pi)) * pixels_per_degree));
     m_achromatic = unit_sum(csf_taps(csf_achromatic, colour_radius, pixels_per_degree));
@@ -353,10 +353,9 @@ void Flip::error(const ImagePair& pair, const Region& region, const Exposure& ex
         pointers.clear();
         for (int k = -r; k <= r; ++k) {
             const int from = std::clamp(y + k, window.y0, window.y1 - 1) - loaded.y0;
-            pointers.push_back(opponent.data() +
-                               (static_cast<std::size_t>(from) * 6 +
-                                static_cast<std::size_t>(plane)) *
-                                   row_size);
+            pointers.push_back(
+                opponent.data() +
+                (static_cast<std::size_t>(from) * 6 + static_cast<std::size_t>(plane)) * row_size);
         }
         weighted_row_sum(pointers, taps, parity, to, row_size);
     };
@@ -409,16 +408,14 @@ void Flip::error(const ImagePair& pair, const Region& region, const Exposure& ex
                 for (double& v : rgb) v = std::clamp(v, 0.0, 1.0);
                 hunt_lab(colours.rgb_to_xyz, rgb, lab[which]);
             }
-            const double colour =
-                redistribute(std::pow(hyab(lab[0], lab[1]), colour_exponent),
-                             colours.largest_difference);
+            const double colour = redistribute(std::pow(hyab(lab[0], lab[1]), colour_exponent),
+                                               colours.largest_difference);
             // Y still carries its factor 116; detectors work on Y / 116.
             const double feature = std::max(std::abs(edges[x] - edges[width + x]),
                                             std::abs(points[x] - points[width + x])) /
                                    116.0;
             // q_f = 0.5: a square root.
-            result[x] =
-                std::pow(colour, 1.0 - std::sqrt(feature * std::numbers::sqrt2 * 0.5));
+            result[x] = std::pow(colour, 1.0 - std::sqrt(feature * std::numbers::sqrt2 * 0.5));
         }
     }
 }

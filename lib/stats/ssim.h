@@ -25,8 +25,7 @@ public:
     /// Whether the windows centred on row y lie inside.
     static bool inside(const Region& window, int y)
     {
-        return y >= window.y0 + radius && y < window.y1 - radius &&
-               window.width() > 2 * radius;
+        return y >= window.y0 + radius && y < window.y1 - radius && window.width() > 2 * radius;
     }
     /// SSIM in [−1, 1] of the window centres (window.x0 + radius … window.x1 − radius − 1, y) for
     /// y in [y0, y1), rows of window.width() − 2·radius values one after another in `out`; `good`
