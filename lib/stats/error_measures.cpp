@@ -278,6 +278,11 @@ void ErrorMeter::combine(std::span<double> into, std::span<const double> other)
         into[i] = i == max_absolute ? std::max(into[i], other[i]) : into[i] + other[i];
 }
 
+std::size_t ErrorMeter::left_out(std::span<const double> record)
+{
+    return static_cast<std::size_t>(record[sum_bad]);
+}
+
 ErrorMeasures ErrorMeter::measures(std::span<const double> totals, int channels) const
 {
     ErrorMeasures m;

@@ -76,6 +76,8 @@ public:
     void add_rows(const ImagePair& pair, int y0, int y1, std::span<double> sums) const;
     /// Adds the record of other rows.
     static void combine(std::span<double> into, std::span<const double> other);
+    /// Pixels of a record's rows that were left out.
+    static std::size_t left_out(std::span<const double> record);
     /// The figures of the rows whose records were combined.
     ErrorMeasures measures(std::span<const double> totals, int channels) const;
 
