@@ -69,6 +69,8 @@ struct GraphNode {
     std::optional<StreamReference> otherwise;
     /// The graph an `op: graph:…` names, read and validated.
     std::shared_ptr<const struct Graph> graph;
+
+    const Argument* argument(std::string_view key) const;
 };
 
 struct GraphParam {
@@ -98,6 +100,9 @@ struct GraphOutput {
     SourcePosition where;
     StreamReference stream;
     std::string doc;
+    /// What the output carries when every input carries what it declares; nothing when that is
+    /// known only once the graph is planned.
+    std::optional<PortKind> kind;
 };
 
 struct Graph {
@@ -110,6 +115,10 @@ struct Graph {
     std::vector<GraphNode> nodes; ///< in file order
     std::vector<GraphOutput> outputs;
     std::string text; ///< the file's text, part of cache keys and error excerpts
+    /// What is allowed and yet looks like a slip: a parameter or an input nobody uses.
+    std::vector<Problem> warnings;
+    /// Nodes once every graph used as a node is put in its place.
+    std::size_t expanded_nodes = 0;
 
     const GraphNode* node(std::string_view id) const;
     const GraphInput* input(std::string_view input_name) const;

@@ -3,6 +3,7 @@
 /// Reads graph files.
 #pragma once
 
+#include "rayloom/core/registry.h"
 #include "rayloom/graph/model.h"
 
 #include <string>
@@ -20,6 +21,11 @@ Graph read_graph(const std::string& path);
 /// Same for text; `name` stands for the file in messages, `folder` for relative paths.
 Graph parse_graph(const std::string& text, const std::string& name,
                   const std::string& folder = ".");
+
+/// A graph as a kind of node: its inputs, outputs and parameters as ports and parameters. It has no
+/// create(); the planner puts the graph's nodes in its place. Outputs whose kind is not known
+/// before planning are declared as images.
+NodeInfo graph_signature(const Graph& graph);
 
 /// Finds a graph by path, or by name in the folders of $RAYLOOM_GRAPH_PATH, and in the installed
 /// and source graphs/ folder. Throws InputError that lists the places searched.

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/install_paths.h"
+#include "rayloom/core/text.h"
+#include "rayloom/graph/reader.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
+namespace rayloom
+{
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+/// Folders of graphs, in the order they are searched.
+std::vector<std::string> graph_folders()
+{
+    std::vector<std::string> folders;
+    if (const char* list = std::getenv("RAYLOOM_GRAPH_PATH")) {
+        const std::string text = list;
+        for (std::size_t start = 0; start <= text.size();) {
+            const std::size_t end = std::min(text.find(':', start), text.size());
+            if (end > start) folders.push_back(text.substr(start, end - start));
+            start = end + 1;
+        }
+    }
+    folders.push_back((data_folder() / "graphs").string());
+    return folders;
+}
+
+/// Names of the graphs in the folders, without the ending.
+std::vector<std::string> graphs_in(const std::vector<std::string>& folders)
+{
+    std::vector<std::string> names;
+    for (const std::string& folder : folders) {
+        std::error_code error;
+        for (fs::directory_iterator it(folder, error), end; !error && it != end;
+             it.increment(error))
+            if (it->path().extension() == ".yaml") names.push_back(it->path().stem().string());
+    }
+    std::sort(names.begin(), names.end());
+    names.erase(std::unique(names.begin(), names.end()), names.end());
+    return names;
+}
+
+} // namespace
+
+std::string find_graph(const std::string& name_or_path)
+{
+    std::error_code error;
+    if (name_or_path.empty()) throw InputError("the name of a graph is empty");
+    const fs::path given(name_or_path);
+    if (fs::exists(given, error) && !fs::is_directory(given, error)) return name_or_path;
+    const bool is_path =
+        given.has_parent_path() || given.extension() == ".yaml" || given.extension() == ".yml";
+    if (fs::is_directory(given, error) && is_path)
+        throw InputError("'" + name_or_path + "' is a folder, not a graph file");
+    const std::vector<std::string> folders = graph_folders();
+    if (!given.is_absolute())
+        for (const std::string& folder : folders)
+            for (const char* ending : {"", ".yaml"}) {
+                const fs::path path = fs::path(folder) / (name_or_path + ending);
+                if (fs::is_regular_file(path, error)) return path.string();
+            }
+    std::string message = "graph '" + name_or_path + "' was not found";
+    if (const std::string near = closest_name(given.stem().string(), graphs_in(folders));
+        !near.empty())
+        message += "; did you mean '" + near + "'?";
+    message += "; searched: as a file";
+    for (const std::string& folder : folders) message += ", " + folder;
+    throw InputError(message);
+}
+
+} // namespace rayloom
