@@ -16,6 +16,7 @@
 #include <map>
 #include <set>
 #include <tuple>
+#include <unordered_map>
 
 namespace rayloom
 {
@@ -601,6 +602,7 @@ private:
             tree.info = find_op(node);
         }
         tree.value = entry.value;
+        m_node_index.emplace(node.id, m_graph.nodes.size());
         m_graph.nodes.push_back(std::move(node));
         m_trees.push_back(std::move(tree));
     }
@@ -995,9 +997,8 @@ private:
 
     std::size_t node_index(const std::string& id) const
     {
-        const auto it = std::find_if(m_graph.nodes.begin(), m_graph.nodes.end(),
-                                     [&](const GraphNode& n) { return n.id == id; });
-        return static_cast<std::size_t>(it - m_graph.nodes.begin());
+        const auto it = m_node_index.find(id);
+        return it == m_node_index.end() ? m_graph.nodes.size() : it->second;
     }
 
     /// Every stream a node depends on.
@@ -1018,9 +1019,6 @@ private:
     {
         enum class Mark { fresh, open, done };
         std::vector<Mark> marks(m_graph.nodes.size(), Mark::fresh);
-        std::map<std::string, std::size_t> index;
-        for (std::size_t i = 0; i < m_graph.nodes.size(); ++i)
-            index.emplace(m_graph.nodes[i].id, i);
         struct Step {
             std::size_t node;
             std::vector<StreamReference> streams;
@@ -1040,8 +1038,8 @@ private:
                     continue;
                 }
                 const StreamReference stream = step.streams[step.next++];
-                const auto it = index.find(stream.node);
-                if (it == index.end() || m_graph.input(stream.node)) continue;
+                const auto it = m_node_index.find(stream.node);
+                if (it == m_node_index.end() || m_graph.input(stream.node)) continue;
                 if (marks[it->second] == Mark::open) {
                     report_cycle(
                         stream,
@@ -1274,7 +1272,8 @@ private:
     Graph& m_graph;
     ReadState& m_state;
     std::vector<NodeTree> m_trees; ///< beside m_graph.nodes
-    std::vector<std::size_t> m_order;
+    std::unordered_map<std::string, std::size_t> m_node_index;
+    std::vector<std::size_t> m_order; ///< each after what it depends on
     std::set<std::string> m_broken_params, m_used_params, m_used_inputs;
     std::map<std::pair<std::string, std::string>, Shape> m_shapes;
     bool m_outputs_seen = false;

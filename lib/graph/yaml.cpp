@@ -11,6 +11,8 @@
 #include <map>
 #include <optional>
 #include <sstream>
+#include <unordered_map>
+#include <unordered_set>
 
 namespace rayloom::yaml
 {
@@ -106,7 +108,8 @@ private:
         YAML::anchor_t anchor = YAML::NullAnchor;
         ValuePtr key; ///< read, its value not yet
         SourcePosition key_where;
-        std::vector<Entry> merged; ///< of `<<`, in order of precedence
+        std::unordered_map<std::string, int> lines; ///< of the keys so far
+        std::vector<Entry> merged;                  ///< of `<<`, in order of precedence
         bool has_merge = false;
     };
 
@@ -142,7 +145,7 @@ private:
         Open level = std::move(m_open.back());
         m_open.pop_back();
         for (Entry& entry : level.merged)
-            if (!level.value->find(entry.key)) level.value->entries.push_back(std::move(entry));
+            if (!level.lines.contains(entry.key)) level.value->entries.push_back(std::move(entry));
         finish(std::move(level.value), level.anchor);
     }
 
@@ -188,10 +191,11 @@ private:
             merge(level, *value);
             return;
         }
-        if (const Entry* first = level.value->find(key.text)) {
+        const auto [first, added] = level.lines.emplace(key.text, level.key_where.line);
+        if (!added) {
             m_problems.push_back({level.key_where, "'" + key.text +
                                                        "' is given twice, first on line " +
-                                                       std::to_string(first->where.line)});
+                                                       std::to_string(first->second)});
             return;
         }
         level.value->entries.push_back({key.text, level.key_where, std::move(value)});
@@ -205,6 +209,7 @@ private:
             return;
         }
         level.has_merge = true;
+        std::unordered_set<std::string> merged;
         const auto take = [&](const Value& source) {
             if (!source.is_mapping()) {
                 m_problems.push_back(
@@ -213,9 +218,7 @@ private:
                 return;
             }
             for (const Entry& entry : source.entries)
-                if (std::none_of(level.merged.begin(), level.merged.end(),
-                                 [&](const Entry& e) { return e.key == entry.key; }))
-                    level.merged.push_back(entry);
+                if (merged.insert(entry.key).second) level.merged.push_back(entry);
         };
         if (value.is_sequence())
             for (const ValuePtr& item : value.items) take(*item);
