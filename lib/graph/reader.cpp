@@ -503,6 +503,7 @@ private:
             return check_param(info, numbers);
         } catch (const NodeError& error) {
             reason = error.what();
+            if (info.type == ParamType::boolean) reason += "; write true or false";
             return std::nullopt;
         }
     }
@@ -713,7 +714,7 @@ private:
                 if (entry.key == "when")
                     read_when(node, entry);
                 else if (entry.key == "otherwise")
-                    node.otherwise = checked_reference(*entry.value, label(node) + "'otherwise' ");
+                    node.otherwise = checked_reference(*entry.value, label(node) + "'otherwise': ");
                 else if (tree.info)
                     read_argument(node, *tree.info, entry);
             }
@@ -788,19 +789,24 @@ private:
         node.arguments.push_back(std::move(argument));
     }
 
+    /// The input, parameter or word of the format a key is a slip of; empty when there is none.
+    static std::string closest_argument(const NodeInfo& info, const std::string& key)
+    {
+        std::vector<std::string> all{"op", "when", "otherwise"};
+        for (const PortInfo& port : info.inputs) all.push_back(port.name);
+        for (const ParamInfo& param : info.params) all.push_back(param.name);
+        return closest_name(key, all);
+    }
+
     static std::string unknown_argument(const NodeInfo& info, const std::string& key)
     {
-        const auto name = [](const auto& item) { return item.name; };
-        const std::vector<std::string> ports = names_of(info.inputs, name);
-        const std::vector<std::string> params = names_of(info.params, name);
-        std::vector<std::string> all = ports;
-        all.insert(all.end(), params.begin(), params.end());
-        all.insert(all.end(), {"when", "otherwise"});
-        const std::string near = closest_name(key, all);
-        if (!near.empty()) {
+        if (const std::string near = closest_argument(info, key); !near.empty()) {
             const char* what = info.input(near) ? "input" : info.param(near) ? "parameter" : "key";
             return std::string(what) + " '" + key + "' is not known; did you mean '" + near + "'?";
         }
+        const auto name = [](const auto& item) { return item.name; };
+        const std::vector<std::string> ports = names_of(info.inputs, name);
+        const std::vector<std::string> params = names_of(info.params, name);
         const auto list = [](const std::vector<std::string>& names) {
             return names.empty() ? std::string("none") : join_names(names);
         };
@@ -811,12 +817,12 @@ private:
     void read_streams(const GraphNode& node, const PortInfo& port, Argument& argument,
                       const Value& value)
     {
-        const std::string what = label(node) + "input '" + port.name + "' ";
+        const std::string what = label(node) + "input '" + port.name + "': ";
         if (value.is_null()) {
-            problem(argument.where, what + "is given no value");
+            problem(argument.where, what + "no value is given");
         } else if (value.is_sequence()) {
             argument.streams_are_list = true;
-            if (value.items.empty()) problem(value.where, what + "is given an empty list");
+            if (value.items.empty()) problem(value.where, what + "the list is empty");
             for (const auto& item : value.items)
                 if (const auto stream = checked_reference(*item, what))
                     argument.streams.push_back(*stream);
@@ -892,7 +898,13 @@ private:
         m_used_params.insert(name);
         if (m_broken_params.contains(name)) return;
         const ParamInfo& from = param->info;
-        if (!fits(from, info, in_list)) {
+        const bool from_list = from.type == ParamType::reals || from.type == ParamType::texts;
+        if (in_list && from_list) {
+            problem(value.where, what + "parameter '" + info.name + "' holds '$" + name +
+                                     "', a list, within a list");
+            return;
+        }
+        if (!fits(from, info)) {
             problem(value.where, what + "parameter '" + info.name + "' is of type " +
                                      param_type_name(info.type) + ", '$" + name + "' of type " +
                                      param_type_name(from.type));
@@ -913,7 +925,7 @@ private:
         }
     }
 
-    static bool fits(const ParamInfo& from, const ParamInfo& to, bool in_list)
+    static bool fits(const ParamInfo& from, const ParamInfo& to)
     {
         using enum ParamType;
         const auto number = [](ParamType t) { return t == integer || t == real; };
@@ -921,11 +933,11 @@ private:
         switch (to.type) {
         case boolean: return from.type == boolean;
         case integer: return from.type == integer;
-        case real: return number(from.type) || (from.type == reals && !in_list);
-        case text: return textual(from.type) || (from.type == texts && !in_list);
-        case choice: return textual(from.type) || (from.type == texts && !in_list);
-        case reals: return number(from.type) || (from.type == reals && !in_list);
-        case texts: return textual(from.type) || (from.type == texts && !in_list);
+        case real: return number(from.type) || from.type == reals;
+        case text: return textual(from.type) || from.type == texts;
+        case choice: return textual(from.type) || from.type == texts;
+        case reals: return number(from.type) || from.type == reals;
+        case texts: return textual(from.type) || from.type == texts;
         }
         return false;
     }
@@ -942,16 +954,31 @@ private:
             check_param(info, value);
     }
 
+    /// "(its description)" for messages.
+    static std::string in_brackets(std::string doc)
+    {
+        if (doc.ends_with('.')) doc.pop_back();
+        return doc.empty() ? "" : " (" + doc + ")";
+    }
+
     void check_missing(const GraphNode& node, const NodeInfo& info, const Value& value)
     {
+        // A misspelt key is reported as such, not as a missing one too.
+        std::set<std::string> meant;
+        for (const Entry& entry : value.entries)
+            if (!info.input(entry.key) && !info.param(entry.key))
+                meant.insert(closest_argument(info, entry.key));
+        const auto missing = [&](const std::string& name) {
+            return !value.find(name) && !meant.contains(name);
+        };
         for (const PortInfo& port : info.inputs)
-            if (port.required && !value.find(port.name))
+            if (port.required && missing(port.name))
                 problem(node.where, label(node) + "input '" + port.name + "' is missing" +
-                                        (port.doc.empty() ? "" : " (" + port.doc + ")"));
+                                        in_brackets(port.doc));
         for (const ParamInfo& param : info.params)
-            if (param.required && !value.find(param.name))
+            if (param.required && missing(param.name))
                 problem(node.where, label(node) + "parameter '" + param.name + "' is missing" +
-                                        (param.doc.empty() ? "" : " (" + param.doc + ")"));
+                                        in_brackets(param.doc));
     }
 
     // --- references --------------------------------------------------------------------------
@@ -1096,7 +1123,7 @@ private:
             const PortInfo& port = *info.input(argument.key);
             for (const StreamReference& stream : argument.streams) {
                 const Shape shape =
-                    stream_shape(stream, label(node) + "input '" + port.name + "' ");
+                    stream_shape(stream, label(node) + "input '" + port.name + "': ");
                 check_shape(node, port, stream, shape, argument.streams_are_list);
                 if (port.kind == PortKind::list) continue;
                 mapped = mapped || shape == Shape::list;
@@ -1106,7 +1133,8 @@ private:
         }
         if (sure && !mapped) check_lone_items(node, info);
         std::optional<Shape> otherwise;
-        if (node.otherwise) otherwise = stream_shape(*node.otherwise, label(node) + "'otherwise' ");
+        if (node.otherwise)
+            otherwise = stream_shape(*node.otherwise, label(node) + "'otherwise': ");
         for (std::size_t k = 0; k < info.outputs.size(); ++k) {
             const PortInfo& output = info.outputs[k];
             Shape shape = shape_of(output.kind);
@@ -1138,7 +1166,7 @@ private:
                     if (const GraphParam* from = m_graph.param(reference->name))
                         list = list || from->info.type == ParamType::reals ||
                                from->info.type == ParamType::texts;
-            if (list)
+            if (list && !argument.items.empty())
                 problem(argument.value_where,
                         label(node) + "parameter '" + param.name +
                             "' takes one value; a list of values goes along a list of images, "
@@ -1196,7 +1224,11 @@ private:
         const bool sinks = std::any_of(m_trees.begin(), m_trees.end(), [](const NodeTree& tree) {
             return !tree.info || tree.info->outputs.empty();
         });
-        if (m_outputs_seen || sinks) return;
+        const bool misspelt =
+            std::any_of(root.entries.begin(), root.entries.end(), [](const Entry& entry) {
+                return entry.key != "outputs" && closest_name(entry.key, top_keys) == "outputs";
+            });
+        if (m_outputs_seen || sinks || misspelt) return;
         const Entry* section = root.find("outputs");
         if (section && !section->value->is_null() && !section->value->is_mapping()) return;
         if (!section && !root.find("nodes")) return;

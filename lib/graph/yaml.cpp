@@ -198,6 +198,12 @@ private:
                                                        std::to_string(first->second)});
             return;
         }
+        // The parser marks an empty value where the next thing begins.
+        if (value->is_null()) {
+            auto here = std::make_shared<Value>(*value);
+            here->where = level.key_where;
+            value = std::move(here);
+        }
         level.value->entries.push_back({key.text, level.key_where, std::move(value)});
     }
 
@@ -257,34 +263,42 @@ std::size_t first_binary_byte(std::string_view text)
     return std::string_view::npos;
 }
 
-/// The one mistake of YAML syntax this format invites: `{image: levels[1]}` needs quotes, because
-/// brackets mean lists between braces.
-std::string index_hint(const std::string& text, const YAML::Mark& mark)
+bool is_reference_char(char c)
 {
-    if (mark.is_null()) return "";
-    std::istringstream lines(text);
-    std::string line;
-    for (int i = 0; i <= mark.line; ++i)
-        if (!std::getline(lines, line)) return "";
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-' || c == '.';
+}
+
+/// `levels[1]` when the line has an index between braces, where brackets mean lists.
+std::string index_in_braces(const std::string& line)
+{
     const std::size_t open = line.find('{');
     if (open == std::string::npos) return "";
-    for (std::size_t i = open + 1; i + 2 < line.size(); ++i) {
-        if (line[i] != '[' || !(std::isalnum(static_cast<unsigned char>(line[i - 1])) != 0))
-            continue;
-        const std::size_t end = line.find(']', i);
-        const bool digits = end != std::string::npos && end > i + 1 &&
-                            std::all_of(line.begin() + static_cast<std::ptrdiff_t>(i) + 1,
-                                        line.begin() + static_cast<std::ptrdiff_t>(end),
-                                        [](unsigned char c) { return std::isdigit(c) != 0; });
-        if (!digits) continue;
+    for (std::size_t i = line.find('[', open); i != std::string::npos; i = line.find('[', i + 1)) {
+        const std::size_t end = line.find_first_not_of("0123456789", i + 1);
+        if (end == std::string::npos || end == i + 1 || line[end] != ']') continue;
         std::size_t start = i;
-        while (start > 0 &&
-               (std::isalnum(static_cast<unsigned char>(line[start - 1])) != 0 ||
-                line[start - 1] == '_' || line[start - 1] == '-' || line[start - 1] == '.'))
-            --start;
-        return "; inside { } an index needs quotes: '" + line.substr(start, end + 1 - start) + "'";
+        while (start > open + 1 && is_reference_char(line[start - 1])) --start;
+        if (start < i) return line.substr(start, end + 1 - start);
     }
     return "";
+}
+
+/// What the parser says, and what it comes from where this format invites the mistake.
+std::string explain(const YAML::Exception& error, const std::string& text)
+{
+    std::string message = "not valid YAML: " + error.msg;
+    if (error.msg == "end of map flow not found") message += " (an opened '{' finds no '}')";
+    if (error.msg == "end of sequence flow not found") message += " (an opened '[' finds no ']')";
+    if (error.mark.is_null()) return message;
+    std::istringstream lines(text);
+    std::string line;
+    for (int i = 0; i <= error.mark.line; ++i)
+        if (!std::getline(lines, line)) return message;
+    if (const std::string index = index_in_braces(line); !index.empty())
+        message += "; inside { } an index needs quotes: '" + index + "'";
+    if (line.substr(0, line.find_first_not_of(" \t")).find('\t') != std::string::npos)
+        message += "; indent with spaces, not tabs";
+    return message;
 }
 
 } // namespace
@@ -324,7 +338,7 @@ ValuePtr parse(const std::string& text, const std::string& file, std::vector<Pro
             where.line = error.mark.line + 1;
             where.column = error.mark.column + 1;
         }
-        problems.push_back({where, "not valid YAML: " + error.msg + index_hint(text, error.mark)});
+        problems.push_back({where, explain(error, text)});
     }
     return nullptr;
 }
