@@ -96,9 +96,9 @@ void PlanContext::constant(std::string_view output, float value, std::size_t ele
     m_result.constants.push_back({std::string(output), element, value});
 }
 
-void PlanContext::reduce(const Region& domain, std::size_t values)
+void PlanContext::reduce(const Region& domain, std::size_t values, int block_rows)
 {
-    m_result.reduction = Reduction{domain, values};
+    m_result.reduction = Reduction{domain, values, std::max(1, block_rows)};
 }
 
 void PlanContext::reduce_needs(std::string_view port, const Halo& halo)

@@ -62,6 +62,7 @@ using NeedFunction = std::function<Region(const Need&)>;
 struct Reduction {
     Region domain;
     std::size_t values = 0;
+    int block_rows = 1; ///< rows per reduce() call; blocks start at domain.y0
 };
 
 /// One input as the planner knows it.
@@ -69,8 +70,8 @@ struct PlannedInput {
     bool connected = false;
     PortKind kind = PortKind::image;
     std::vector<ImageDesc> images; ///< one for image and deep, n for a list, none for a table
-    /// Per image and channel: known to be zero everywhere (from reading). Empty when not known.
-    std::vector<std::vector<bool>> black;
+    /// Whether an element is zero everywhere, found by reading it. Empty: not to be known.
+    std::function<bool(std::size_t)> black;
 };
 
 /// What plan() decided; read by the engine.
@@ -126,7 +127,7 @@ public:
     std::size_t count(std::string_view port) const;
     /// The image at an input. Precondition: connected.
     const ImageDesc& input(std::string_view port, std::size_t element = 0) const;
-    /// Whether every named channel of the image is known to be zero everywhere.
+    /// Whether every channel of the image is known to be zero everywhere. Asking has a file read.
     bool black(std::string_view port, std::size_t element = 0) const;
 
     /// Declares an output image. Unless a need is given the node reads, of each input, the same
@@ -155,8 +156,10 @@ public:
     /// The output has one value everywhere.
     void constant(std::string_view output, float value, std::size_t element = 0);
 
-    /// Asks for reduce() over every row of `domain`, `values` doubles, before any compute().
-    void reduce(const Region& domain, std::size_t values);
+    /// Asks for reduce() over every row of `domain`, `values` doubles, before any compute(). A node
+    /// whose rows share work (a window) may ask for blocks of rows; the blocks are the same however
+    /// the engine cuts the image, so the sums are too.
+    void reduce(const Region& domain, std::size_t values, int block_rows = 1);
     /// The reduction reads this input, `halo` beyond its row. Inputs not named are not read.
     void reduce_needs(std::string_view port, const Halo& halo = {});
     void reduce_needs(std::string_view port, NeedFunction function);
@@ -271,8 +274,8 @@ public:
     /// the thread or the SIMD target.
     virtual void compute(const TileContext& context) const = 0;
 
-    /// Adds what one row of the domain contributes to `sums` (zeros on entry).
-    virtual void reduce(const TileContext& row, std::span<double> sums) const;
+    /// Adds what one row (or block of rows) of the domain contributes to `sums` (zeros on entry).
+    virtual void reduce(const TileContext& rows, std::span<double> sums) const;
     /// Combines partial results, in a fixed tree order over rows. Adds by default.
     virtual void combine(std::span<double> into, std::span<const double> other) const;
     /// Sees the totals, before any compute(); returns the tables of its table outputs by port.

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+/// \file
+/// From a graph and a request to a list of work items. Every error a user can make comes out here,
+/// before any pixel is computed.
+#pragma once
+
+#include "rayloom/core/node.h"
+#include "rayloom/core/registry.h"
+#include "rayloom/engine/request.h"
+#include "rayloom/graph/model.h"
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace rayloom {
+
+/// One use of a node: after mapping over lists, so a node of the file may be several of these.
+struct PlannedOp {
+    std::string id; ///< name in the graph; "outer/inner" inside a graph used as a node, "fused[1]" when mapped
+    std::string op;
+    SourcePosition where;
+    const NodeInfo* info = nullptr; ///< null for the engine's own (memory sources and the like)
+    int version = 1;
+    ParamValues params;
+    std::unique_ptr<Node> node;
+    PlanResult result;
+    struct TableInput {
+        std::string port;
+        int op = -1;
+        std::string source_port;
+    };
+    std::vector<TableInput> table_inputs;
+    std::map<std::string, Table, std::less<>> tables; ///< filled while running
+    std::string key; ///< hash of node, version, parameters and inputs
+    bool needed = false;
+
+    /// "node 'fused' (fuse.histogram)"
+    std::string title() const;
+};
+
+/// One image that flows: an output of an op, one element of it.
+struct Stream {
+    PortKind kind = PortKind::image;
+    ImageDesc desc;
+    int item = -1;   ///< work item that makes it
+    int output = 0;  ///< which of the item's outputs
+    std::vector<std::string> channel_keys; ///< content hash per channel
+    /// Where each channel was copied from bit for bit (itself when nowhere).
+    struct Origin {
+        int stream = -1;
+        int channel = 0;
+    };
+    std::vector<Origin> origins;
+
+    std::string key() const;
+};
+
+/// What the engine runs: one element of one op.
+struct WorkItem {
+    struct Input {
+        std::string port;
+        PortKind kind = PortKind::image;
+        std::vector<int> streams;
+    };
+    struct Output {
+        std::string port;
+        int stream = -1;
+        bool wanted = false;
+    };
+    int op = -1;
+    std::size_t element = 0;
+    Region window; ///< data window of its outputs (the domain, for a sink)
+    std::vector<Input> inputs;
+    std::vector<Output> outputs;
+    bool needed = false;
+    bool inlined = false; ///< evaluated inside its only consumer's tiles
+};
+
+/// A requested output.
+struct PlannedOutput {
+    std::string name;
+    int sink_item = -1;              ///< −1 for a table
+    int table_op = -1;
+    std::string table_port;
+    OutputBinding binding;
+    bool in_memory = false;
+};
+
+/// A node that will not run, and why.
+struct PrunedNode {
+    std::string id;
+    std::string reason;
+};
+
+struct Plan {
+    std::string graph_name;
+    std::vector<PlannedOp> ops;
+    std::vector<WorkItem> items; ///< in an order in which producers come first
+    std::vector<Stream> streams;
+    std::vector<PlannedOutput> outputs;
+    /// Image inputs by op and port; reductions read them without a work item of their own.
+    std::map<int, std::map<std::string, std::vector<int>, std::less<>>> op_inputs;
+    std::vector<PrunedNode> pruned;
+    std::vector<std::string> notes;
+    std::vector<std::string> channel_plan; ///< a line per input layer: filtered, guide, passed through
+    bool skip = true;
+};
+
+/// Plans a graph. Throws GraphError (all problems at once), InputError when a file is at fault,
+/// UsageError when the request names what the graph does not have.
+Plan make_plan(const Graph& graph, const RunRequest& request, const RunOptions& options = {});
+
+} // namespace rayloom
