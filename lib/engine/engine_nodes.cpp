@@ -9,12 +9,14 @@
 #include <algorithm>
 #include <vector>
 
-namespace rayloom {
+namespace rayloom
+{
 
 MemoryImage to_memory_image(const OIIO::ImageBuf& buffer)
 {
     if (buffer.has_error()) throw InputError(buffer.geterror());
-    if (!buffer.initialized() || buffer.deep()) throw InputError("an image in memory holds no pixels");
+    if (!buffer.initialized() || buffer.deep())
+        throw InputError("an image in memory holds no pixels");
     const OIIO::ImageSpec& spec = buffer.spec();
     MemoryImage image;
     image.desc.data = {spec.x, spec.y, spec.x + spec.width, spec.y + spec.height};
@@ -23,13 +25,16 @@ MemoryImage to_memory_image(const OIIO::ImageBuf& buffer)
     image.desc.channels = spec.channelnames;
     image.desc.header = std::make_shared<const OIIO::ImageSpec>(buffer.nativespec());
     image.pixels = ImageBuffer(image.desc.data, spec.nchannels);
-    std::vector<float> row(static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.nchannels));
+    std::vector<float> row(static_cast<std::size_t>(spec.width) *
+                           static_cast<std::size_t>(spec.nchannels));
     for (int y = image.desc.data.y0; y < image.desc.data.y1; ++y) {
         const OIIO::ROI roi(spec.x, spec.x + spec.width, y, y + 1, 0, 1, 0, spec.nchannels);
-        if (!buffer.get_pixels(roi, OIIO::TypeFloat, row.data())) throw InputError(buffer.geterror());
+        if (!buffer.get_pixels(roi, OIIO::TypeFloat, row.data()))
+            throw InputError(buffer.geterror());
         for (int c = 0; c < spec.nchannels; ++c) {
             float* to = image.pixels.view().row(c, y);
-            for (int x = 0; x < spec.width; ++x) to[x] = row[static_cast<std::size_t>(x * spec.nchannels + c)];
+            for (int x = 0; x < spec.width; ++x)
+                to[x] = row[static_cast<std::size_t>(x * spec.nchannels + c)];
         }
     }
     return image;
@@ -57,14 +62,16 @@ OIIO::ImageBuf to_image_buf(const MemoryImage& image)
     spec.deep = false;
     spec.set_format(OIIO::TypeFloat);
     OIIO::ImageBuf buffer(spec);
-    std::vector<float> row(static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.nchannels));
+    std::vector<float> row(static_cast<std::size_t>(spec.width) *
+                           static_cast<std::size_t>(spec.nchannels));
     for (int y = data.y0; y < data.y1; ++y) {
         for (int c = 0; c < spec.nchannels; ++c) {
             const float* from = image.pixels.view().row(c, y);
-            for (int x = 0; x < spec.width; ++x) row[static_cast<std::size_t>(x * spec.nchannels + c)] = from[x];
+            for (int x = 0; x < spec.width; ++x)
+                row[static_cast<std::size_t>(x * spec.nchannels + c)] = from[x];
         }
-        buffer.set_pixels(OIIO::ROI(data.x0, data.x1, y, y + 1, 0, 1, 0, spec.nchannels), OIIO::TypeFloat,
-                          row.data());
+        buffer.set_pixels(OIIO::ROI(data.x0, data.x1, y, y + 1, 0, 1, 0, spec.nchannels),
+                          OIIO::TypeFloat, row.data());
     }
     return buffer;
 }

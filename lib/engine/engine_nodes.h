@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 /// \file
-/// Nodes the engine makes for itself: images in memory at both ends, constants, copies. They are not
-/// registered; no graph file names them.
+/// Nodes the engine makes for itself: images in memory at both ends, constants, copies. They are
+/// not registered; no graph file names them.
 #pragma once
 
 #include "rayloom/core/node.h"
 #include "rayloom/engine/request.h"
 
-namespace rayloom {
+namespace rayloom
+{
 
 /// Hands out an image in memory. Output port "image".
-class MemorySource final : public Node {
+class MemorySource final : public Node
+{
 public:
     explicit MemorySource(std::shared_ptr<const MemoryImage> image) : m_image(std::move(image)) {}
     void plan(PlanContext& context) override;
@@ -22,7 +24,8 @@ private:
 };
 
 /// Gathers the rows of input "image" in memory.
-class MemorySink final : public Node {
+class MemorySink final : public Node
+{
 public:
     void plan(PlanContext& context) override;
     void compute(const TileContext& context) const override;
@@ -33,7 +36,8 @@ private:
 };
 
 /// Fills output "image" with one value.
-class ConstantNode final : public Node {
+class ConstantNode final : public Node
+{
 public:
     ConstantNode(ImageDesc desc, float value) : m_desc(std::move(desc)), m_value(value) {}
     void plan(PlanContext& context) override { context.output("image", m_desc); }
@@ -45,7 +49,8 @@ private:
 };
 
 /// Copies input "image"; stands in for a pass-through when shortcuts are switched off.
-class CopyNode final : public Node {
+class CopyNode final : public Node
+{
 public:
     void plan(PlanContext& context) override { context.output("image", context.input("image")); }
     void compute(const TileContext& context) const override

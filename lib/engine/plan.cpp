@@ -2,6 +2,7 @@
 #include "rayloom/engine/plan.h"
 
 #include "rayloom/core/text.h"
+#include "rayloom/engine/cache.h"
 #include "rayloom/engine/engine_nodes.h"
 #include "rayloom/graph/expression.h"
 
@@ -11,9 +12,11 @@
 #include <functional>
 #include <set>
 
-namespace rayloom {
+namespace rayloom
+{
 
-namespace {
+namespace
+{
 
 constexpr std::size_t max_ops = 200'000; // a runaway of nested graphs and lists, not a pipeline
 
@@ -48,9 +51,11 @@ std::string digest(const std::string& text)
     return sha.digest();
 }
 
-class Planner {
+class Planner
+{
 public:
-    Planner(const RunRequest& request, const RunOptions& options) : m_request(request), m_options(options)
+    Planner(const RunRequest& request, const RunOptions& options)
+        : m_request(request), m_options(options)
     {
         m_plan.skip = options.skip;
     }
@@ -71,8 +76,10 @@ private:
     // Lookup
     Value lookup(const Scope& scope, const StreamReference& ref);
     Value argument_value(const Scope& scope, const Argument& argument);
-    ParamValue item_value(const Scope& scope, const std::variant<ParamValue, ParamReference>& item) const;
-    ParamValues node_params(const Scope& scope, const GraphNode& node, const std::vector<ParamInfo>& infos,
+    ParamValue item_value(const Scope& scope,
+                          const std::variant<ParamValue, ParamReference>& item) const;
+    ParamValues node_params(const Scope& scope, const GraphNode& node,
+                            const std::vector<ParamInfo>& infos,
                             std::optional<std::size_t> mapped_index);
 
     // Making ops
@@ -83,17 +90,17 @@ private:
         ParamValues params;
         std::unique_ptr<Node> node;
         std::vector<PortInfo> inputs, outputs;
-        std::map<std::string, Value, std::less<>> arguments; ///< connected inputs, absent ones left out
-        std::optional<Region> crop;                          ///< sinks: only these pixels
+        std::map<std::string, Value, std::less<>>
+            arguments;              ///< connected inputs, absent ones left out
+        std::optional<Region> crop; ///< sinks: only these pixels
     };
     /// Plans one op and makes its items and streams; empty when it could not be planned.
     std::optional<std::map<std::string, Value, std::less<>>> add_op(NewOp request);
     int add_stream(Stream stream);
-    std::map<std::string, Value, std::less<>> add_node_op(const std::string& id, const std::string& op,
-                                                          ParamValues params,
-                                                          std::map<std::string, Value, std::less<>> arguments,
-                                                          const SourcePosition& where,
-                                                          std::optional<Region> crop = {});
+    std::map<std::string, Value, std::less<>>
+    add_node_op(const std::string& id, const std::string& op, ParamValues params,
+                std::map<std::string, Value, std::less<>> arguments, const SourcePosition& where,
+                std::optional<Region> crop = {});
 
     void prune();
     void choose_inlined();
@@ -113,13 +120,15 @@ private:
     std::vector<Problem> m_problems;
     std::vector<std::string> m_input_errors;
     std::vector<NewOp> m_pending; ///< copies and constants to make once their op is in place
-    std::map<int, std::map<std::string, std::vector<int>, std::less<>>> m_op_inputs; ///< op → port → streams
+    std::map<int, std::map<std::string, std::vector<int>, std::less<>>>
+        m_op_inputs; ///< op → port → streams
     std::map<int, std::map<std::string, std::vector<int>, std::less<>>> m_reduce_streams;
     std::map<std::pair<int, int>, bool> m_black; ///< (stream, channel) → zero everywhere
 };
 
 /// Answers for `when:` conditions.
-class Facts final : public ExpressionScope {
+class Facts final : public ExpressionScope
+{
 public:
     Facts(Planner& planner, const Scope& scope) : m_planner(planner), m_scope(scope) {}
 
@@ -133,9 +142,9 @@ public:
     std::size_t channels(const StreamReference& ref) const override
     {
         const Value v = value(ref);
-        return v.streams.empty()
-                   ? 0
-                   : m_planner.m_plan.streams[static_cast<std::size_t>(v.streams[0])].desc.channels.size();
+        return v.streams.empty() ? 0
+                                 : m_planner.m_plan.streams[static_cast<std::size_t>(v.streams[0])]
+                                       .desc.channels.size();
     }
     bool black(const StreamReference& ref) const override
     {
@@ -174,8 +183,9 @@ Value Planner::lookup(const Scope& scope, const StreamReference& ref)
     if (!ref.index || value.absent || value.broken) return value;
     const auto index = static_cast<std::size_t>(*ref.index);
     if (!value.list || index >= value.count()) {
-        problem(ref.where, "'" + ref.node + "' has " + std::to_string(value.count()) + " elements; number " +
-                               std::to_string(*ref.index) + " is not among them (they count from 0)");
+        problem(ref.where, "'" + ref.node + "' has " + std::to_string(value.count()) +
+                               " elements; number " + std::to_string(*ref.index) +
+                               " is not among them (they count from 0)");
         return none;
     }
     if (value.kind == PortKind::table)
@@ -210,7 +220,8 @@ Value Planner::argument_value(const Scope& scope, const Argument& argument)
     return list;
 }
 
-ParamValue Planner::item_value(const Scope& scope, const std::variant<ParamValue, ParamReference>& item) const
+ParamValue Planner::item_value(const Scope& scope,
+                               const std::variant<ParamValue, ParamReference>& item) const
 {
     if (const auto* literal = std::get_if<ParamValue>(&item)) return *literal;
     const auto it = scope.params.find(std::get<ParamReference>(item).name);
@@ -254,7 +265,8 @@ std::optional<ParamValue> element_of(const ParamValue& value, std::size_t index)
 }
 
 ParamValues Planner::node_params(const Scope& scope, const GraphNode& node,
-                                 const std::vector<ParamInfo>& infos, std::optional<std::size_t> mapped_index)
+                                 const std::vector<ParamInfo>& infos,
+                                 std::optional<std::size_t> mapped_index)
 {
     ParamValues values;
     for (const ParamInfo& info : infos) values[info.name] = info.default_value;
@@ -272,17 +284,21 @@ ParamValues Planner::node_params(const Scope& scope, const GraphNode& node,
             } else {
                 value = item_value(scope, argument.items.front());
             }
-            const bool wants_list = info->type == ParamType::reals || info->type == ParamType::texts;
+            const bool wants_list =
+                info->type == ParamType::reals || info->type == ParamType::texts;
             if (!wants_list) {
-                const std::optional<ParamValue> element = element_of(value, mapped_index.value_or(0));
+                const std::optional<ParamValue> element =
+                    element_of(value, mapped_index.value_or(0));
                 if (element && !mapped_index && argument.items.size() > 1)
-                    throw NodeError("parameter '" + info->name +
-                                    "' takes one value here: a list goes element by element over a node "
-                                    "that is mapped over a list, and this one is not");
+                    throw NodeError(
+                        "parameter '" + info->name +
+                        "' takes one value here: a list goes element by element over a node "
+                        "that is mapped over a list, and this one is not");
                 if (element) value = *element;
                 // A whole number that came through a list of numbers is an integer again.
                 if (const auto* d = std::get_if<double>(&value);
-                    d && info->type == ParamType::integer && *d == static_cast<double>(static_cast<std::int64_t>(*d)))
+                    d && info->type == ParamType::integer &&
+                    *d == static_cast<double>(static_cast<std::int64_t>(*d)))
                     value = static_cast<std::int64_t>(*d);
             }
             values[info->name] = check_param(*info, value);
@@ -307,9 +323,11 @@ int Planner::add_stream(Stream stream)
 std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp request)
 {
     if (m_plan.ops.size() >= max_ops)
-        throw GraphError(Problem{request.where, "the graph expands to more than " + std::to_string(max_ops) +
-                                                    " nodes"});
-    const auto stream_of = [&](int id) -> Stream& { return m_plan.streams[static_cast<std::size_t>(id)]; };
+        throw GraphError(Problem{request.where, "the graph expands to more than " +
+                                                    std::to_string(max_ops) + " nodes"});
+    const auto stream_of = [&](int id) -> Stream& {
+        return m_plan.streams[static_cast<std::size_t>(id)];
+    };
     const std::string title = "node '" + request.id + "' (" + request.name + ")";
 
     std::map<std::string, PlannedInput, std::less<>> planned;
@@ -359,7 +377,8 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     if (first && !result.sink) elements = result.reduction ? 0 : 1;
 
     // The op's key: what it is, and what comes in.
-    std::string key = request.name + "\n" + std::to_string(request.info ? request.info->version : 1) + "\n";
+    std::string key =
+        request.name + "\n" + std::to_string(request.info ? request.info->version : 1) + "\n";
     for (const auto& [name, value] : request.params) key += name + "=" + format_param(value) + "\n";
     key += request.node->content_key(!m_options.cache_folder.empty()) + "\n";
     for (const auto& [port, value] : request.arguments) {
@@ -387,7 +406,8 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     std::vector<WorkItem::Input> inputs;
     for (const PortInfo& port : request.inputs) {
         const auto argument = request.arguments.find(port.name);
-        if (argument == request.arguments.end() || argument->second.kind == PortKind::table) continue;
+        if (argument == request.arguments.end() || argument->second.kind == PortKind::table)
+            continue;
         inputs.push_back({port.name, port.kind, argument->second.streams});
     }
 
@@ -413,9 +433,10 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
             value.kind = port.kind == PortKind::list ? PortKind::image : port.kind;
             value.list = port.kind == PortKind::list;
 
-            const auto alias = std::ranges::find_if(result.aliases, [&](const PlanResult::Alias& a) {
-                return a.output == port.name && a.output_element == element;
-            });
+            const auto alias =
+                std::ranges::find_if(result.aliases, [&](const PlanResult::Alias& a) {
+                    return a.output == port.name && a.output_element == element;
+                });
             if (alias != result.aliases.end()) {
                 const int source = argument_stream(alias->input, alias->input_element);
                 if (m_options.skip) {
@@ -424,7 +445,8 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
                 }
                 // No shortcuts: the pass-through becomes a copy.
                 NewOp copy;
-                copy.id = request.id + (elements > 1 ? "[" + std::to_string(element) + "]" : "") + " copy";
+                copy.id = request.id + (elements > 1 ? "[" + std::to_string(element) + "]" : "") +
+                          " copy";
                 copy.name = "copy";
                 copy.where = request.where;
                 copy.node = std::make_unique<CopyNode>();
@@ -438,9 +460,10 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
                 m_pending.push_back(std::move(copy));
                 continue;
             }
-            const auto constant = std::ranges::find_if(result.constants, [&](const PlanResult::Constant& c) {
-                return c.output == port.name && c.element == element;
-            });
+            const auto constant =
+                std::ranges::find_if(result.constants, [&](const PlanResult::Constant& c) {
+                    return c.output == port.name && c.element == element;
+                });
             if (constant != result.constants.end()) {
                 NewOp fill;
                 fill.id = request.id + " constant";
@@ -461,15 +484,17 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
             stream.output = static_cast<int>(item.outputs.size());
             const int id = static_cast<int>(m_plan.streams.size());
             for (int c = 0; c < desc.channel_count(); ++c) {
-                stream.channel_keys.push_back(digest(key + "/" + port.name + "/" + std::to_string(element) +
-                                                     "/" + std::to_string(c)));
+                stream.channel_keys.push_back(digest(key + "/" + port.name + "/" +
+                                                     std::to_string(element) + "/" +
+                                                     std::to_string(c)));
                 stream.origins.push_back({id, c});
             }
             for (const PlanResult::ChannelAlias& a : result.channel_aliases) {
                 if (a.output != port.name || a.output_element != element) continue;
                 const Stream& from = stream_of(argument_stream(a.input, a.input_element));
                 const auto to = static_cast<std::size_t>(a.output_channel);
-                stream.channel_keys[to] = from.channel_keys[static_cast<std::size_t>(a.input_channel)];
+                stream.channel_keys[to] =
+                    from.channel_keys[static_cast<std::size_t>(a.input_channel)];
                 stream.origins[to] = from.origins[static_cast<std::size_t>(a.input_channel)];
             }
             item.outputs.push_back({port.name, id, false});
@@ -502,9 +527,10 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     return values;
 }
 
-std::map<std::string, Value, std::less<>> Planner::add_node_op(
-    const std::string& id, const std::string& op, ParamValues params,
-    std::map<std::string, Value, std::less<>> arguments, const SourcePosition& where, std::optional<Region> crop)
+std::map<std::string, Value, std::less<>>
+Planner::add_node_op(const std::string& id, const std::string& op, ParamValues params,
+                     std::map<std::string, Value, std::less<>> arguments,
+                     const SourcePosition& where, std::optional<Region> crop)
 {
     const NodeInfo* info = Registry::instance().find(op);
     if (!info) throw Error("node '" + op + "' is not built in; is the nodes library whole?");
@@ -541,7 +567,8 @@ void Planner::bind_params(const Graph& graph, Scope& scope)
                 value = check_param(p.info, it->second);
                 given = true;
             }
-            if (const auto it = m_request.param_texts.find(p.info.name); it != m_request.param_texts.end()) {
+            if (const auto it = m_request.param_texts.find(p.info.name);
+                it != m_request.param_texts.end()) {
                 value = parse_param(p.info, it->second);
                 given = true;
             }
@@ -592,7 +619,8 @@ Value Planner::bind_input(const GraphInput& input, const InputBinding& binding)
     }
     if (!value.list && binding.files.size() > 1)
         throw UsageError("input '" + input.name + "' takes one file, not " +
-                         std::to_string(binding.files.size()) + " (is a pattern or glob too wide?)");
+                         std::to_string(binding.files.size()) +
+                         " (is a pattern or glob too wide?)");
 
     ParamValues params;
     const std::string& layer = binding.files.front().layer;
@@ -628,12 +656,14 @@ void Planner::bind_inputs(const Graph& graph, Scope& scope)
     for (const GraphInput& input : graph.inputs) names.push_back(input.name);
     for (const auto& [name, binding] : m_request.inputs)
         if (!graph.input(name))
-            throw UsageError("graph '" + graph.name + "' has no input '" + name + "'" + suggestion(name, names));
+            throw UsageError("graph '" + graph.name + "' has no input '" + name + "'" +
+                             suggestion(name, names));
     std::vector<std::string> missing;
     for (const GraphInput& input : graph.inputs) {
         const auto given = m_request.inputs.find(input.name);
         Value value;
-        if (given == m_request.inputs.end() || (given->second.files.empty() && given->second.images.empty())) {
+        if (given == m_request.inputs.end() ||
+            (given->second.files.empty() && given->second.images.empty())) {
             value.absent = true;
             value.list = input.kind == PortKind::list;
             if (input.required) missing.push_back(input.name);
@@ -644,9 +674,10 @@ void Planner::bind_inputs(const Graph& graph, Scope& scope)
         scope.port_order[input.name] = {""};
     }
     if (!missing.empty())
-        throw UsageError("graph '" + graph.name + "' needs input" + (missing.size() > 1 ? "s " : " ") +
-                         join_names(missing, true) + "; give " + (missing.size() > 1 ? "them" : "it") +
-                         " with -i " + missing.front() + "=FILE");
+        throw UsageError("graph '" + graph.name + "' needs input" +
+                         (missing.size() > 1 ? "s " : " ") + join_names(missing, true) + "; give " +
+                         (missing.size() > 1 ? "them" : "it") + " with -i " + missing.front() +
+                         "=FILE");
 }
 
 void Planner::expand(Scope& scope)
@@ -728,22 +759,27 @@ void Planner::expand_node(Scope& scope, const GraphNode& node)
             }
             continue;
         }
-        const bool wants_table = port->kind == PortKind::table, is_table = value.kind == PortKind::table;
-        const bool wants_deep = port->kind == PortKind::deep, is_deep = value.kind == PortKind::deep;
+        const bool wants_table = port->kind == PortKind::table,
+                   is_table = value.kind == PortKind::table;
+        const bool wants_deep = port->kind == PortKind::deep,
+                   is_deep = value.kind == PortKind::deep;
         if (wants_table != is_table || wants_deep != is_deep) {
             const auto name = [](PortKind kind) {
-                return kind == PortKind::table ? "figures" : kind == PortKind::deep ? "a deep image" : "an image";
+                return kind == PortKind::table  ? "figures"
+                       : kind == PortKind::deep ? "a deep image"
+                                                : "an image";
             };
-            problem(argument.value_where, "node '" + node.id + "' (" + node.op + "): input '" + argument.key +
-                                              "' wants " + name(port->kind) + ", not " + name(value.kind));
+            problem(argument.value_where, "node '" + node.id + "' (" + node.op + "): input '" +
+                                              argument.key + "' wants " + name(port->kind) +
+                                              ", not " + name(value.kind));
             return mark_broken();
         }
         if (value.list && port->kind != PortKind::list) {
             if (mapped && *mapped != value.count()) {
                 problem(argument.value_where, "node '" + node.id + "' (" + node.op + "): input '" +
                                                   argument.key + "' is a list of " +
-                                                  std::to_string(value.count()) + " where '" + mapped_by +
-                                                  "' has " + std::to_string(*mapped));
+                                                  std::to_string(value.count()) + " where '" +
+                                                  mapped_by + "' has " + std::to_string(*mapped));
                 return mark_broken();
             }
             mapped = value.count();
@@ -794,8 +830,10 @@ void Planner::expand_node(Scope& scope, const GraphNode& node)
         if (!out) return mark_broken();
         for (const auto& [port, value] : *out) {
             if (value.list) {
-                problem(node.where, "node '" + node.id + "' (" + node.op +
-                                        ") makes a list and is mapped over one; lists of lists are not supported");
+                problem(
+                    node.where,
+                    "node '" + node.id + "' (" + node.op +
+                        ") makes a list and is mapped over one; lists of lists are not supported");
                 return mark_broken();
             }
             Value& whole = values[port];
@@ -824,8 +862,8 @@ void Planner::expand_graph_node(Scope& scope, const GraphNode& node)
             if (mapped && *mapped != value.count()) {
                 problem(argument.value_where, "node '" + node.id + "' (" + node.op + "): input '" +
                                                   argument.key + "' is a list of " +
-                                                  std::to_string(value.count()) + " where another has " +
-                                                  std::to_string(*mapped));
+                                                  std::to_string(value.count()) +
+                                                  " where another has " + std::to_string(*mapped));
                 return;
             }
             mapped = value.count();
@@ -880,11 +918,13 @@ std::string numbered_path(const std::string& path, std::size_t index)
     const std::size_t dot = path.rfind('.');
     const std::size_t slash = path.find_last_of('/');
     const std::string number = "." + std::to_string(index);
-    if (dot == std::string::npos || (slash != std::string::npos && dot < slash)) return path + number;
+    if (dot == std::string::npos || (slash != std::string::npos && dot < slash))
+        return path + number;
     return path.substr(0, dot) + number + path.substr(dot);
 }
 
-void Planner::add_output(const GraphOutput& declared, const OutputBinding* binding, const Value& value)
+void Planner::add_output(const GraphOutput& declared, const OutputBinding* binding,
+                         const Value& value)
 {
     PlannedOutput out;
     out.name = declared.name;
@@ -894,7 +934,8 @@ void Planner::add_output(const GraphOutput& declared, const OutputBinding* bindi
             PlannedOutput table = out;
             table.table_op = value.tables[i].op;
             table.table_port = value.tables[i].port;
-            if (value.list && !out.binding.path.empty()) table.binding.path = numbered_path(out.binding.path, i);
+            if (value.list && !out.binding.path.empty())
+                table.binding.path = numbered_path(out.binding.path, i);
             m_plan.outputs.push_back(std::move(table));
         }
         return;
@@ -924,10 +965,11 @@ void Planner::add_output(const GraphOutput& declared, const OutputBinding* bindi
             params["compression"] = image.binding.compression;
             params["layer"] = image.binding.layer;
             params["template"] = image.binding.pass_through_from;
-            add_node_op(declared.name, "io.write", std::move(params), {{"image", one}}, declared.where,
-                        m_request.roi);
+            add_node_op(declared.name, "io.write", std::move(params), {{"image", one}},
+                        declared.where, m_request.roi);
         }
-        if (m_plan.items.size() > before) image.sink_item = static_cast<int>(m_plan.items.size()) - 1;
+        if (m_plan.items.size() > before)
+            image.sink_item = static_cast<int>(m_plan.items.size()) - 1;
         m_plan.outputs.push_back(std::move(image));
     }
 }
@@ -938,7 +980,8 @@ void Planner::plan_outputs(const Graph& graph, Scope& scope)
     for (const GraphOutput& output : graph.outputs) names.push_back(output.name);
     for (const auto& [name, binding] : m_request.outputs)
         if (!graph.output(name))
-            throw UsageError("graph '" + graph.name + "' has no output '" + name + "'" + suggestion(name, names));
+            throw UsageError("graph '" + graph.name + "' has no output '" + name + "'" +
+                             suggestion(name, names));
     for (const GraphOutput& output : graph.outputs) {
         const auto binding = m_request.outputs.find(output.name);
         if (!m_request.outputs.empty() && binding == m_request.outputs.end()) continue;
@@ -946,16 +989,20 @@ void Planner::plan_outputs(const Graph& graph, Scope& scope)
         if (value.broken) continue;
         if (value.absent) {
             if (binding != m_request.outputs.end())
-                problem(output.where, "output '" + output.name +
-                                          "' cannot be made: what it comes from is not there with these inputs");
+                problem(output.where,
+                        "output '" + output.name +
+                            "' cannot be made: what it comes from is not there with these inputs");
             continue;
         }
         if (m_request.roi && value.kind == PortKind::image)
             for (const int s : value.streams)
-                if (m_plan.streams[static_cast<std::size_t>(s)].desc.data.intersect(*m_request.roi).empty())
+                if (m_plan.streams[static_cast<std::size_t>(s)]
+                        .desc.data.intersect(*m_request.roi)
+                        .empty())
                     throw UsageError("the region of interest " + m_request.roi->text() +
                                      " lies outside output '" + output.name + "' (" +
-                                     m_plan.streams[static_cast<std::size_t>(s)].desc.data.text() + ")");
+                                     m_plan.streams[static_cast<std::size_t>(s)].desc.data.text() +
+                                     ")");
         add_output(output, binding == m_request.outputs.end() ? nullptr : &binding->second, value);
     }
 }
@@ -973,7 +1020,8 @@ bool Planner::channel_black(int stream, int channel)
     // Only what comes straight from a reader is looked at; anything else is not known to be black.
     if (!item.inputs.empty() || source.kind != PortKind::image) return m_black[key] = false;
 
-    class NoServices final : public RunServices {
+    class NoServices final : public RunServices
+    {
         bool cancelled() const noexcept override { return false; }
         bool may_skip() const noexcept override { return true; }
         void count_skip(std::string_view, std::size_t) override {}
@@ -985,7 +1033,8 @@ bool Planner::channel_black(int stream, int channel)
     for (int y = item.window.y0; y < item.window.y1; y += step) {
         const Region rows{item.window.x0, y, item.window.x1, std::min(item.window.y1, y + step)};
         ImageBuffer pixels(rows, source.desc.channel_count());
-        const TileContext::Output out{item.outputs[static_cast<std::size_t>(source.output)].port, pixels.view()};
+        const TileContext::Output out{item.outputs[static_cast<std::size_t>(source.output)].port,
+                                      pixels.view()};
         op.node->compute(TileContext(rows, item.element, {}, {&out, 1}, services));
         for (int c = 0; c < pixels.channels(); ++c)
             for (int row = rows.y0; row < rows.y1 && black[static_cast<std::size_t>(c)]; ++row)
@@ -1042,6 +1091,7 @@ void Planner::prune()
         if (!queue.empty()) {
             const WorkItem& item = m_plan.items[static_cast<std::size_t>(queue.back())];
             queue.pop_back();
+            if (item.source) continue;
             need_op(item.op);
             for (const WorkItem::Input& in : item.inputs)
                 for (const int s : in.streams) need_stream(s);
@@ -1051,13 +1101,11 @@ void Planner::prune()
         const int op_index = op_queue.back();
         op_queue.pop_back();
         for (const PlannedOp::TableInput& t : op.table_inputs) need_op(t.op);
-        if (op.result.reduction) {
+        if (op.result.reduction && !op.cached_totals) {
             for (const auto& [port, streams] : m_reduce_streams.at(op_index))
                 for (const int s : streams) need_stream(s);
         }
     }
-    for (const PlannedOp& op : m_plan.ops)
-        if (!op.needed) m_plan.pruned.push_back({op.id, "no requested output needs it"});
 }
 
 void Planner::choose_inlined()
@@ -1066,7 +1114,7 @@ void Planner::choose_inlined()
     std::vector<int> uses(m_plan.streams.size(), 0);
     std::vector<bool> keep(m_plan.streams.size(), false);
     for (const WorkItem& item : m_plan.items) {
-        if (!item.needed) continue;
+        if (!item.needed || item.source) continue;
         const PlanResult& result = m_plan.ops[static_cast<std::size_t>(item.op)].result;
         for (const WorkItem::Input& in : item.inputs)
             for (const int s : in.streams) {
@@ -1077,11 +1125,12 @@ void Planner::choose_inlined()
             }
     }
     for (const auto& [op, ports] : m_reduce_streams)
-        if (m_plan.ops[static_cast<std::size_t>(op)].needed)
+        if (m_plan.ops[static_cast<std::size_t>(op)].needed &&
+            !m_plan.ops[static_cast<std::size_t>(op)].cached_totals)
             for (const auto& [port, streams] : ports)
                 for (const int s : streams) keep[static_cast<std::size_t>(s)] = true;
     for (WorkItem& item : m_plan.items) {
-        if (!item.needed || item.outputs.empty()) continue;
+        if (!item.needed || item.source || item.outputs.empty()) continue;
         const PlannedOp& op = m_plan.ops[static_cast<std::size_t>(item.op)];
         if (op.result.access != Access::tiles) continue;
         const auto wanted = std::ranges::count_if(item.outputs, &WorkItem::Output::wanted);
@@ -1105,7 +1154,8 @@ Plan Planner::make(const Graph& graph)
         // A mistake that shows in every element of a mapped node is one mistake.
         std::vector<Problem> unique;
         for (Problem& p : m_problems)
-            if (std::ranges::none_of(unique, [&](const Problem& q) { return q.text() == p.text(); }))
+            if (std::ranges::none_of(unique,
+                                     [&](const Problem& q) { return q.text() == p.text(); }))
                 unique.push_back(std::move(p));
         for (std::string& e : m_input_errors) unique.push_back({{}, std::move(e)});
         throw GraphError(std::move(unique));
@@ -1120,11 +1170,23 @@ Plan Planner::make(const Graph& graph)
         const PlannedOp& op = m_plan.ops[o];
         if (!op.result.reduction) continue;
         auto& ports = m_reduce_streams[static_cast<int>(o)];
-        for (const auto& [port, needs] : op.result.reduce_needs) ports[port] = m_op_inputs.at(static_cast<int>(o)).at(port);
+        for (const auto& [port, needs] : op.result.reduce_needs)
+            ports[port] = m_op_inputs.at(static_cast<int>(o)).at(port);
     }
-    prune();
-    choose_inlined();
     m_plan.op_inputs = std::move(m_op_inputs);
+    prune();
+    if (m_options.skip && !m_options.cache_folder.empty()) {
+        apply_cache(m_plan, m_options.cache_folder);
+        for (WorkItem& item : m_plan.items) {
+            item.needed = false;
+            for (WorkItem::Output& out : item.outputs) out.wanted = false;
+        }
+        for (PlannedOp& op : m_plan.ops) op.needed = false;
+        prune();
+    }
+    for (const PlannedOp& op : m_plan.ops)
+        if (!op.needed) m_plan.pruned.push_back({op.id, "nothing that runs needs it"});
+    choose_inlined();
     return std::move(m_plan);
 }
 

@@ -15,11 +15,13 @@
 #include <string>
 #include <vector>
 
-namespace rayloom {
+namespace rayloom
+{
 
 /// One use of a node: after mapping over lists, so a node of the file may be several of these.
 struct PlannedOp {
-    std::string id; ///< name in the graph; "outer/inner" inside a graph used as a node, "fused[1]" when mapped
+    std::string id; ///< name in the graph; "outer/inner" inside a graph used as a node, "fused[1]"
+                    ///< when mapped
     std::string op;
     SourcePosition where;
     const NodeInfo* info = nullptr; ///< null for the engine's own (memory sources and the like)
@@ -34,8 +36,10 @@ struct PlannedOp {
     };
     std::vector<TableInput> table_inputs;
     std::map<std::string, Table, std::less<>> tables; ///< filled while running
+    std::optional<std::vector<double>> cached_totals; ///< the reduction's result, from the cache
     std::string key; ///< hash of node, version, parameters and inputs
     bool needed = false;
+    bool finished = false; ///< finish() was called
 
     /// "node 'fused' (fuse.histogram)"
     std::string title() const;
@@ -45,8 +49,8 @@ struct PlannedOp {
 struct Stream {
     PortKind kind = PortKind::image;
     ImageDesc desc;
-    int item = -1;   ///< work item that makes it
-    int output = 0;  ///< which of the item's outputs
+    int item = -1;                         ///< work item that makes it
+    int output = 0;                        ///< which of the item's outputs
     std::vector<std::string> channel_keys; ///< content hash per channel
     /// Where each channel was copied from bit for bit (itself when nowhere).
     struct Origin {
@@ -76,13 +80,14 @@ struct WorkItem {
     std::vector<Input> inputs;
     std::vector<Output> outputs;
     bool needed = false;
-    bool inlined = false; ///< evaluated inside its only consumer's tiles
+    bool inlined = false;               ///< evaluated inside its only consumer's tiles
+    std::shared_ptr<const Node> source; ///< stands in for the op: its result, read from the cache
 };
 
 /// A requested output.
 struct PlannedOutput {
     std::string name;
-    int sink_item = -1;              ///< −1 for a table
+    int sink_item = -1; ///< −1 for a table
     int table_op = -1;
     std::string table_port;
     OutputBinding binding;
@@ -93,6 +98,7 @@ struct PlannedOutput {
 struct PrunedNode {
     std::string id;
     std::string reason;
+    double saved_seconds = -1.0; ///< −1: not known
 };
 
 struct Plan {
@@ -105,7 +111,8 @@ struct Plan {
     std::map<int, std::map<std::string, std::vector<int>, std::less<>>> op_inputs;
     std::vector<PrunedNode> pruned;
     std::vector<std::string> notes;
-    std::vector<std::string> channel_plan; ///< a line per input layer: filtered, guide, passed through
+    std::vector<std::string>
+        channel_plan; ///< a line per input layer: filtered, guide, passed through
     bool skip = true;
 };
 

@@ -19,7 +19,8 @@
 #include <string_view>
 #include <vector>
 
-namespace rayloom {
+namespace rayloom
+{
 
 /// Pixels in memory with their description.
 struct MemoryImage {
@@ -36,7 +37,8 @@ OIIO::ImageBuf to_image_buf(const MemoryImage& image);
 /// One file of a graph input.
 struct InputFile {
     std::string path;
-    std::string layer; ///< layer or part name; empty lets the graph's role and the renderer map choose
+    std::string
+        layer; ///< layer or part name; empty lets the graph's role and the renderer map choose
 };
 
 /// What a graph input is bound to: files, or images in memory.
@@ -49,10 +51,10 @@ struct InputBinding {
 /// Where a graph output goes. Without a path the pixels are kept (RunReport::images).
 struct OutputBinding {
     std::string path;
-    ParamValue type = std::string();        ///< "half", "float", "uint8", …; empty: as the input had
-    std::string compression;                ///< empty: as the input had
-    std::string layer;                      ///< written as `layer.channel`; empty: plain names
-    std::string pass_through_from;          ///< file whose other layers are written too, bit for bit
+    ParamValue type = std::string(); ///< "half", "float", "uint8", …; empty: as the input had
+    std::string compression;         ///< empty: as the input had
+    std::string layer;               ///< written as `layer.channel`; empty: plain names
+    std::string pass_through_from;   ///< file whose other layers are written too, bit for bit
 };
 
 struct RunRequest {
@@ -67,12 +69,12 @@ struct RunRequest {
 
 /// How to run; none of it changes a pixel.
 struct RunOptions {
-    int threads = 0;             ///< 0: as many as the process may use
-    std::size_t memory = 0;      ///< budget in bytes for pixels; 0: no limit
-    int tile = 0;                ///< tile side in pixels; 0: chosen by the engine
-    bool skip = true;            ///< false: take no shortcut
-    std::string cache_folder;    ///< empty: no cache
-    std::stop_token stop;        ///< asks the run to end with Cancelled
+    int threads = 0;          ///< 0: as many as the process may use
+    std::size_t memory = 0;   ///< budget in bytes for pixels; 0: no limit
+    int tile = 0;             ///< tile side in pixels; 0: chosen by the engine
+    bool skip = true;         ///< false: take no shortcut
+    std::string cache_folder; ///< empty: no cache
+    std::stop_token stop;     ///< asks the run to end with Cancelled
     /// Called with the share of the work done, 0 to 1, from one thread at a time.
     std::function<void(double)> progress;
 };

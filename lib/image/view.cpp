@@ -44,6 +44,16 @@ ImageBuffer::ImageBuffer(const Region& region, int channels) : m_bytes(bytes_for
     m_view = ImageView(m_pixels.get(), region, channels, channel_stride * channels, channel_stride);
 }
 
+void ImageBuffer::reshape(const Region& region, int channels)
+{
+    if (bytes_for(region, channels) > m_bytes || !m_pixels) {
+        *this = ImageBuffer(region, channels);
+        return;
+    }
+    const std::ptrdiff_t channel_stride = padded_width(region.width());
+    m_view = ImageView(m_pixels.get(), region, channels, channel_stride * channels, channel_stride);
+}
+
 void ImageBuffer::fill(float value) { std::fill_n(m_pixels.get(), m_bytes / sizeof(float), value); }
 
 void copy_pixels(ConstImageView from, ImageView to)

@@ -104,6 +104,8 @@ public:
     bool empty() const { return m_view.empty(); }
 
     void fill(float value);
+    /// Another shape, pixels undefined; memory is taken anew only when there is too little.
+    void reshape(const Region& region, int channels);
     /// Bytes an ImageBuffer of this shape takes.
     static std::size_t bytes_for(const Region& region, int channels);
     /// Elements between two channel runs of a row `width` pixels wide (padded to 64 bytes).

@@ -4,8 +4,10 @@
 
 #include <gtest/gtest.h>
 
-namespace rayloom {
-namespace {
+namespace rayloom
+{
+namespace
+{
 
 TEST(Region, HullIntersectGrow)
 {
@@ -47,7 +49,8 @@ TEST(ImageBuffer, RowsAreAlignedAndCropsPointInside)
     for (int y = 7; y < 12; ++y)
         for (int c = 0; c < 3; ++c) {
             EXPECT_EQ(reinterpret_cast<std::uintptr_t>(image.view().row(c, y)) % 64, 0u);
-            for (int x = -3; x < 30; ++x) image.view().at(c, x, y) = static_cast<float>(x + 100 * y + 1000 * c);
+            for (int x = -3; x < 30; ++x)
+                image.view().at(c, x, y) = static_cast<float>(x + 100 * y + 1000 * c);
         }
     const ConstImageView part = image.view().crop({0, 8, 5, 10});
     EXPECT_EQ(part.at(2, 4, 9), 2904.0f);

@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/engine/cache.h"
+
+#include "rayloom/core/error.h"
+
+#include <OpenImageIO/hash.h>
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
+namespace rayloom
+{
+
+namespace fs = std::filesystem;
+
+namespace
+{
+
+/// First bytes of an entry; the pixels follow at `offset`, rows of channels of floats.
+struct Header {
+    char magic[8] = {'r', 'a', 'y', 'l', 'o', 'o', 'm', '1'};
+    std::int32_t x0 = 0, y0 = 0, x1 = 0, y1 = 0, channels = 0, unused = 0;
+    std::uint64_t checksum = 0;
+};
+constexpr std::size_t offset = 64;
+static_assert(sizeof(Header) <= offset);
+
+std::size_t payload_bytes(const Region& window, int channels)
+{
+    return window.pixels() * static_cast<std::size_t>(channels) * sizeof(float);
+}
+
+/// A file mapped for reading or writing.
+class Mapping
+{
+public:
+    static std::unique_ptr<Mapping> read(const std::string& path)
+    {
+        const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+        if (fd < 0) return nullptr;
+        struct stat info {
+        };
+        std::unique_ptr<Mapping> m;
+        if (::fstat(fd, &info) == 0 && info.st_size > 0)
+            m = map(fd, static_cast<std::size_t>(info.st_size), PROT_READ);
+        ::close(fd);
+        return m;
+    }
+    static std::unique_ptr<Mapping> create(const std::string& path, std::size_t size)
+    {
+        const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+        if (fd < 0) return nullptr;
+        std::unique_ptr<Mapping> m;
+        // Blocks are reserved at once: a full disk is an error here, not a SIGBUS later.
+        if (::posix_fallocate(fd, 0, static_cast<off_t>(size)) == 0)
+            m = map(fd, size, PROT_READ | PROT_WRITE);
+        ::close(fd);
+        if (!m) ::unlink(path.c_str());
+        return m;
+    }
+    ~Mapping() { ::munmap(m_data, m_size); }
+    Mapping(const Mapping&) = delete;
+    Mapping& operator=(const Mapping&) = delete;
+    char* data() const { return static_cast<char*>(m_data); }
+    std::size_t size() const { return m_size; }
+
+private:
+    Mapping(void* data, std::size_t size) : m_data(data), m_size(size) {}
+    static std::unique_ptr<Mapping> map(int fd, std::size_t size, int protection)
+    {
+        void* data = ::mmap(nullptr, size, protection, MAP_SHARED, fd, 0);
+        if (data == MAP_FAILED) return nullptr;
+        return std::unique_ptr<Mapping>(new Mapping(data, size));
+    }
+    void* m_data;
+    std::size_t m_size;
+};
+
+/// Hands out the pixels of an entry.
+class CachedImage final : public Node
+{
+public:
+    CachedImage(std::unique_ptr<Mapping> mapping, const Region& window, int channels,
+                std::string port)
+        : m_mapping(std::move(mapping)), m_port(std::move(port)),
+          m_view(reinterpret_cast<const float*>(m_mapping->data() + offset), window, channels,
+                 static_cast<std::ptrdiff_t>(window.width()) * channels, window.width())
+    {
+    }
+    void plan(PlanContext&) override {}
+    void compute(const TileContext& context) const override
+    {
+        copy_pixels(m_view, context.output(m_port));
+    }
+
+private:
+    std::unique_ptr<Mapping> m_mapping;
+    std::string m_port;
+    ConstImageView m_view;
+};
+
+std::string temporary_name(const std::string& path)
+{
+    static std::atomic<unsigned> counter{0};
+    return path + ".tmp" + std::to_string(::getpid()) + "." + std::to_string(counter++);
+}
+
+} // namespace
+
+struct CacheWriter::State {
+    std::string path, temporary;
+    Region window;
+    int channels = 0;
+    std::unique_ptr<Mapping> mapping;
+    std::atomic<std::size_t> written{0};
+};
+
+CacheWriter::CacheWriter(std::string path, const Region& window, int channels)
+    : m_state(std::make_unique<State>())
+{
+    m_state->temporary = temporary_name(path);
+    m_state->path = std::move(path);
+    m_state->window = window;
+    m_state->channels = channels;
+    m_state->mapping =
+        Mapping::create(m_state->temporary, offset + payload_bytes(window, channels));
+}
+
+CacheWriter::~CacheWriter()
+{
+    if (m_state->mapping) ::unlink(m_state->temporary.c_str());
+}
+
+void CacheWriter::write(ConstImageView tile)
+{
+    if (!m_state->mapping) return;
+    const Region& w = m_state->window;
+    const ImageView to(reinterpret_cast<float*>(m_state->mapping->data() + offset), w,
+                       m_state->channels,
+                       static_cast<std::ptrdiff_t>(w.width()) * m_state->channels, w.width());
+    copy_pixels(tile, to.crop(tile.region()));
+    m_state->written += tile.region().pixels();
+}
+
+void CacheWriter::commit()
+{
+    State& s = *m_state;
+    if (!s.mapping || s.written != s.window.pixels()) return;
+    Header header;
+    header.x0 = s.window.x0;
+    header.y0 = s.window.y0;
+    header.x1 = s.window.x1;
+    header.y1 = s.window.y1;
+    header.channels = s.channels;
+    header.checksum =
+        OIIO::xxhash::XXH64(s.mapping->data() + offset, s.mapping->size() - offset, 1);
+    std::memcpy(s.mapping->data(), &header, sizeof header);
+    s.mapping.reset();
+    if (::rename(s.temporary.c_str(), s.path.c_str()) != 0) ::unlink(s.temporary.c_str());
+}
+
+Cache::Cache(std::string folder) : m_folder(std::move(folder))
+{
+    std::error_code status;
+    fs::create_directories(m_folder, status);
+    if (status || !fs::is_directory(m_folder, status))
+        throw OutputError(
+            "cache folder '" + m_folder + "' cannot be made: " +
+            (status ? status.message() : std::string("something else has that name")));
+}
+
+std::string Cache::path(const std::string& key, const char* suffix) const
+{
+    return m_folder + "/" + key + suffix;
+}
+
+std::unique_ptr<CacheWriter> Cache::writer(const std::string& key, const Region& window,
+                                           int channels) const
+{
+    return std::make_unique<CacheWriter>(path(key, ".image"), window, channels);
+}
+
+std::shared_ptr<const Node> Cache::find(const std::string& key, const Region& window, int channels,
+                                        const std::string& port) const
+{
+    const std::string file = path(key, ".image");
+    std::unique_ptr<Mapping> mapping = Mapping::read(file);
+    if (!mapping) return nullptr;
+    Header header;
+    const Header expected;
+    bool good = mapping->size() == offset + payload_bytes(window, channels);
+    if (good) {
+        std::memcpy(&header, mapping->data(), sizeof header);
+        good = std::equal(std::begin(header.magic), std::end(header.magic),
+                          std::begin(expected.magic)) &&
+               Region{header.x0, header.y0, header.x1, header.y1} == window &&
+               header.channels == channels &&
+               header.checksum ==
+                   OIIO::xxhash::XXH64(mapping->data() + offset, mapping->size() - offset, 1);
+    }
+    if (!good) {
+        ::unlink(file.c_str());
+        return nullptr;
+    }
+    return std::make_shared<CachedImage>(std::move(mapping), window, channels, port);
+}
+
+void Cache::store_totals(const std::string& key, const std::vector<double>& totals) const
+{
+    const std::string file = path(key, ".totals"), temporary = temporary_name(file);
+    const std::size_t bytes = totals.size() * sizeof(double);
+    const std::uint64_t checksum = OIIO::xxhash::XXH64(totals.data(), bytes, 1);
+    {
+        std::ofstream out(temporary, std::ios::binary);
+        out.write(reinterpret_cast<const char*>(&checksum), sizeof checksum);
+        out.write(reinterpret_cast<const char*>(totals.data()),
+                  static_cast<std::streamsize>(bytes));
+        if (!out.flush()) {
+            ::unlink(temporary.c_str());
+            return;
+        }
+    }
+    if (::rename(temporary.c_str(), file.c_str()) != 0) ::unlink(temporary.c_str());
+}
+
+std::optional<std::vector<double>> Cache::find_totals(const std::string& key) const
+{
+    const std::string file = path(key, ".totals");
+    std::ifstream in(file, std::ios::binary | std::ios::ate);
+    if (!in) return std::nullopt;
+    const auto size = static_cast<std::size_t>(in.tellg());
+    std::uint64_t checksum = 0;
+    std::vector<double> totals(size >= sizeof checksum ? (size - sizeof checksum) / sizeof(double)
+                                                       : 0);
+    in.seekg(0);
+    in.read(reinterpret_cast<char*>(&checksum), sizeof checksum);
+    in.read(reinterpret_cast<char*>(totals.data()),
+            static_cast<std::streamsize>(totals.size() * sizeof(double)));
+    if (!in || size != sizeof checksum + totals.size() * sizeof(double) ||
+        checksum != OIIO::xxhash::XXH64(totals.data(), totals.size() * sizeof(double), 1)) {
+        ::unlink(file.c_str());
+        return std::nullopt;
+    }
+    return totals;
+}
+
+void apply_cache(Plan& plan, const std::string& folder)
+{
+    const Cache cache(folder);
+    for (WorkItem& item : plan.items) {
+        const PlannedOp& op = plan.ops[static_cast<std::size_t>(item.op)];
+        if (!item.needed || item.inputs.empty() || op.result.sink || op.result.cheap) continue;
+        // Several wanted outputs of one item are stored apart and come back together or not at all.
+        const auto wanted = std::ranges::count_if(item.outputs, &WorkItem::Output::wanted);
+        if (wanted != 1) continue;
+        const auto out = std::ranges::find_if(item.outputs, &WorkItem::Output::wanted);
+        const Stream& stream = plan.streams[static_cast<std::size_t>(out->stream)];
+        if (stream.kind == PortKind::deep) continue;
+        item.source = cache.find(stream.key(), item.window, stream.desc.channel_count(), out->port);
+        if (item.source) plan.pruned.push_back({op.id, "its result is in the cache"});
+    }
+    for (PlannedOp& op : plan.ops)
+        if (op.needed && op.result.reduction) {
+            op.cached_totals = cache.find_totals(op.key);
+            if (op.cached_totals && op.cached_totals->size() != op.result.reduction->values)
+                op.cached_totals.reset();
+        }
+}
+
+void write_text_file(const std::string& path, const std::string& text)
+{
+    const std::string temporary = temporary_name(path);
+    std::ofstream out(temporary, std::ios::binary);
+    out << text;
+    out.close();
+    if (!out || ::rename(temporary.c_str(), path.c_str()) != 0) {
+        const std::string why = std::strerror(errno);
+        ::unlink(temporary.c_str());
+        throw OutputError("'" + path + "' cannot be written: " + why);
+    }
+}
+
+} // namespace rayloom

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+/// \file
+/// Results kept on disk between runs, found by the hash of what made them. Files are complete or
+/// absent (written under another name, then renamed), carry a checksum, and may be shared by
+/// processes; one that is damaged counts as absent and is removed.
+#pragma once
+
+#include "rayloom/core/node.h"
+#include "rayloom/engine/plan.h"
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace rayloom
+{
+
+/// Receives the tiles of one image in any order, from any thread.
+class CacheWriter
+{
+public:
+    CacheWriter(std::string path, const Region& window, int channels);
+    ~CacheWriter();
+    CacheWriter(const CacheWriter&) = delete;
+    CacheWriter& operator=(const CacheWriter&) = delete;
+
+    /// Stores the pixels of the view. A cache that cannot be written is given up quietly: it only
+    /// costs time.
+    void write(ConstImageView tile);
+    /// Makes the entry visible if every pixel was written.
+    void commit();
+
+private:
+    struct State;
+    std::unique_ptr<State> m_state;
+};
+
+class Cache
+{
+public:
+    /// Makes the folder when it is not there. Throws OutputError when it cannot.
+    explicit Cache(std::string folder);
+
+    std::unique_ptr<CacheWriter> writer(const std::string& key, const Region& window,
+                                        int channels) const;
+    /// A node that hands out a stored image as its output `port`; null when there is none.
+    std::shared_ptr<const Node> find(const std::string& key, const Region& window, int channels,
+                                     const std::string& port) const;
+    void store_totals(const std::string& key, const std::vector<double>& totals) const;
+    std::optional<std::vector<double>> find_totals(const std::string& key) const;
+
+private:
+    std::string path(const std::string& key, const char* suffix) const;
+    std::string m_folder;
+};
+
+/// Replaces items whose results are in the cache. Called by make_plan().
+void apply_cache(Plan& plan, const std::string& folder);
+
+/// Writes a text file so that it is whole or not there. Throws OutputError.
+void write_text_file(const std::string& path, const std::string& text);
+
+} // namespace rayloom
