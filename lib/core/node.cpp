@@ -42,9 +42,7 @@ const ImageDesc& PlanContext::input(std::string_view port, std::size_t element) 
 bool PlanContext::black(std::string_view port, std::size_t element) const
 {
     const PlannedInput& in = find(port);
-    if (element >= in.black.size() || in.black[element].empty()) return false;
-    return std::all_of(in.black[element].begin(), in.black[element].end(),
-                       [](bool b) { return b; });
+    return in.black && in.black(element);
 }
 
 void PlanContext::output(std::string_view port, ImageDesc desc)
