@@ -46,10 +46,10 @@ public:
         return m_options->stop.stop_requested() || m_failed->load();
     }
     bool may_skip() const noexcept override { return m_options->skip; }
-    void count_skip(std::string_view reason, std::size_t pixels) override
+    void count_skip(std::string_view reason, std::size_t n) override
     {
         const std::lock_guard lock(m_mutex);
-        m_skips[std::string(reason)] += pixels;
+        m_skips[std::string(reason)] += n;
     }
     void count(std::string_view what, std::size_t n) override
     {
