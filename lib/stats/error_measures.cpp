@@ -9,6 +9,9 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <numeric>
 #include <vector>
 
 namespace rayloom
@@ -144,26 +147,53 @@ void hdr_flip_rows(const Flip& flip, const ImagePair& pair, const ExposureRange&
     }
 }
 
-/// Mean of all but the largest `trimmed_share` of the values. Which of several equal values are
-/// dropped makes no difference, so the result does not depend on how the threshold was found.
-double trimmed_mean(std::span<const double> values)
+/// The k-th largest of the values, k ≥ 1, in one pass that looks twice at few of them.
+double kth_largest(std::span<const double> values, std::size_t k)
 {
-    const std::size_t n = values.size();
-    const auto dropped = static_cast<std::size_t>(trimmed_share * static_cast<double>(n));
-    if (dropped == 0) return pairwise_sum(values) / static_cast<double>(n);
-    std::vector<double> order(values.begin(), values.end());
-    const auto threshold_at = order.begin() + static_cast<std::ptrdiff_t>(n - dropped);
-    std::nth_element(order.begin(), threshold_at, order.end());
-    const double threshold = *threshold_at; // the smallest of those dropped
-    std::size_t below = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-        const bool keep = values[i] < threshold;
-        order[i] = keep ? values[i] : 0.0;
-        below += keep ? 1 : 0;
+    std::vector<double> top;
+    top.reserve(2 * k);
+    double bound = -std::numeric_limits<double>::infinity();
+    const auto cut = [&] {
+        std::nth_element(top.begin(), top.begin() + static_cast<std::ptrdiff_t>(k - 1), top.end(),
+                         std::greater<>());
+        top.resize(k);
+        bound = top.back();
+    };
+    for (const double v : values) {
+        if (!(v > bound)) continue;
+        top.push_back(v);
+        if (top.size() == 2 * k) cut();
     }
-    const std::size_t kept = n - dropped;
-    return (pairwise_sum(order) + static_cast<double>(kept - below) * threshold) /
-           static_cast<double>(kept);
+    if (top.size() >= k) cut();
+    return bound;
+}
+
+/// Mean of all but the largest `trimmed_share` of the values, of which `count` are not negative;
+/// the negative ones are no values. Which of several equal values are dropped makes no difference,
+/// so the result does not depend on how the threshold was found. `width` values make a row.
+double trimmed_mean(std::span<const double> values, std::size_t width, std::size_t count)
+{
+    const auto dropped = static_cast<std::size_t>(trimmed_share * static_cast<double>(count));
+    const double threshold =
+        dropped == 0 ? std::numeric_limits<double>::infinity() : kth_largest(values, dropped);
+    const std::size_t rows = values.size() / width;
+    std::vector<double> sums(rows);
+    std::vector<std::size_t> below(rows);
+    parallel_for(std::size_t{0}, rows, std::size_t{32}, [&](std::size_t y) {
+        std::array<double, 8> lanes{};
+        const std::span<const double> row = values.subspan(y * width, width);
+        for (std::size_t x = 0; x < width; ++x) {
+            const bool keep = row[x] >= 0.0 && row[x] < threshold;
+            lanes[x % 8] += keep ? row[x] : 0.0;
+            below[y] += keep ? 1 : 0;
+        }
+        sums[y] = pairwise_sum(lanes);
+    });
+    const std::size_t kept = count - dropped;
+    const std::size_t strictly = std::accumulate(below.begin(), below.end(), std::size_t{0});
+    // Those at the threshold that stay.
+    const double ties = kept > strictly ? static_cast<double>(kept - strictly) * threshold : 0.0;
+    return (pairwise_sum(sums) + ties) / static_cast<double>(kept);
 }
 
 } // namespace
@@ -373,8 +403,7 @@ ErrorMeasures measure_errors(ConstImageView image, ConstImageView reference,
     if (m.pixels == 0)
         throw InputError("no pixel is finite in both images; there is nothing to measure");
 
-    std::erase(pixel_relative, left_out);
-    m.relmse_trimmed = trimmed_mean(pixel_relative);
+    m.relmse_trimmed = trimmed_mean(pixel_relative, width, m.pixels);
 
     if (options.hdr_flip) {
         m.hdr_flip_exposures = hdr_exposures(pair, options);

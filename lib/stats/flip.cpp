@@ -7,7 +7,9 @@
 #include <Eigen/Dense>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 
 namespace rayloom
@@ -74,10 +76,24 @@ struct Colours {
     Colours();
 };
 
+/// Cube root of a positive number of ordinary size, to two units in the last place; a third of the
+/// cost of the library's, which caters for every double. A third of the exponent from the bits of
+/// the float, then Halley's iteration, which cubes the relative error (4 % → 4e-5 → 4e-14 → none).
+double cube_root(double x)
+{
+    const auto bits = std::bit_cast<std::uint32_t>(static_cast<float>(x));
+    double y = static_cast<double>(std::bit_cast<float>(bits / 3 + 0x2a514067u));
+    for (int i = 0; i < 3; ++i) {
+        const double cube = y * y * y;
+        y *= (cube + 2.0 * x) / (2.0 * cube + x);
+    }
+    return y;
+}
+
 double lab_curve(double t)
 {
     constexpr double delta = 6.0 / 29.0;
-    return t > delta * delta * delta ? std::cbrt(t) : t / (3.0 * delta * delta) + 4.0 / 29.0;
+    return t > delta * delta * delta ? cube_root(t) : t / (3.0 * delta * delta) + 4.0 / 29.0;
 }
 
 /// Linear sRGB to L*, a*, b* with a*, b* scaled by the Hunt effect.

@@ -36,8 +36,8 @@ private:
 };
 
 /// Degrees of freedom of the difference of two means (Welch–Satterthwaite). `a` and `b` are the
-/// variances of the means, each estimated from n_a or n_b ≥ 2 samples. With a + b = 0 the smaller of
-/// n_a − 1 and n_b − 1.
+/// variances of the means, each estimated from n_a or n_b ≥ 2 samples. With a + b = 0 the smaller
+/// of n_a − 1 and n_b − 1.
 double welch_degrees(double a, double n_a, double b, double n_b);
 
 /// Quantile of the normal distribution. Throws NodeError unless 0 < p < 1.
