@@ -69,6 +69,9 @@ struct GraphNode {
     std::optional<StreamReference> otherwise;
     /// The graph an `op: graph:…` names, read and validated.
     std::shared_ptr<const struct Graph> graph;
+    /// What each output carries (the first also under ""), as GraphOutput::kind; outputs whose kind
+    /// is known only once the graph is planned are left out.
+    std::map<std::string, PortKind, std::less<>> carries;
 
     const Argument* argument(std::string_view key) const;
 };

@@ -1105,7 +1105,7 @@ private:
         for (const GraphInput& input : m_graph.inputs)
             m_shapes[{input.name, ""}] = shape_of(input.kind);
         for (const std::size_t i : m_order) {
-            const GraphNode& node = m_graph.nodes[i];
+            GraphNode& node = m_graph.nodes[i];
             if (node.when)
                 for (const StreamReference& stream : references(*node.when))
                     stream_shape(stream, label(node) + "'when': ");
@@ -1114,7 +1114,7 @@ private:
         }
     }
 
-    void infer_node(const GraphNode& node, const NodeInfo& info)
+    void infer_node(GraphNode& node, const NodeInfo& info)
     {
         bool mapped = false;
         bool sure = true;
@@ -1150,6 +1150,10 @@ private:
             if (otherwise && *otherwise != shape) shape = Shape::unknown;
             if (k == 0) m_shapes[{node.id, ""}] = shape;
             m_shapes[{node.id, output.name}] = shape;
+            if (const auto kind = kind_of(shape)) {
+                if (k == 0) node.carries.emplace("", *kind);
+                node.carries.emplace(output.name, *kind);
+            }
         }
     }
 

@@ -143,7 +143,7 @@ TEST_F(Reader, ReadsEveryConstruct)
     ASSERT_NE(blended, nullptr);
     EXPECT_EQ(blended->where.line, 27);
     EXPECT_EQ(blended->where.column, 3);
-    EXPECT_EQ(blended->op, "test.blend");
+    EXPECT_EQ(blended->op, "mock.blend");
     ASSERT_TRUE(blended->when);
     ASSERT_TRUE(blended->otherwise);
     EXPECT_EQ(blended->otherwise->node, "first");
@@ -196,16 +196,16 @@ TEST_F(Reader, KnowsWhatOutputsCarry)
     const auto kind = [](const std::string& nodes, const std::string& output) {
         return parse_graph(graph_of(nodes, output), "g.yaml").outputs.at(0).kind;
     };
-    const std::string levels = "  a: {op: test.levels, image: color}\n";
-    const std::string mapped = levels + "  b: {op: test.gain, image: a}\n";
+    const std::string levels = "  a: {op: mock.levels, image: color}\n";
+    const std::string mapped = levels + "  b: {op: mock.gain, image: a}\n";
     EXPECT_EQ(kind(levels, "a"), PortKind::list);
     EXPECT_EQ(kind(levels, "'a[1]'"), PortKind::image);
     EXPECT_EQ(kind(mapped, "b"), PortKind::list);
-    EXPECT_EQ(kind(mapped + "  c: {op: test.join, levels: b}\n", "c"), PortKind::image);
-    EXPECT_EQ(kind("  a: {op: test.measure, image: color}\n", "a"), PortKind::table);
+    EXPECT_EQ(kind(mapped + "  c: {op: mock.join, levels: b}\n", "c"), PortKind::image);
+    EXPECT_EQ(kind("  a: {op: mock.measure, image: color}\n", "a"), PortKind::table);
     // Measured over a list: as many tables as elements, which the planner counts.
-    EXPECT_EQ(kind(levels + "  b: {op: test.measure, image: a}\n", "b"), std::nullopt);
-    EXPECT_EQ(kind(levels + "  b: {op: test.gain, image: color, when: true, otherwise: a}\n", "b"),
+    EXPECT_EQ(kind(levels + "  b: {op: mock.measure, image: a}\n", "b"), std::nullopt);
+    EXPECT_EQ(kind(levels + "  b: {op: mock.gain, image: color, when: true, otherwise: a}\n", "b"),
               std::nullopt);
 }
 
@@ -215,7 +215,7 @@ TEST_F(Reader, WarnsOfWhatNobodyUses)
                                     "params: {used: 1.0, asked: true, spare: 2}\n"
                                     "inputs: {color: x, idle: y, seen: z}\n"
                                     "nodes:\n"
-                                    "  a: {op: test.gain, image: color, factor: $used,\n"
+                                    "  a: {op: mock.gain, image: color, factor: $used,\n"
                                     "      when: $asked and has(seen)}\n"
                                     "outputs: {image: a}\n",
                                     "g.yaml");
@@ -228,7 +228,7 @@ TEST_F(Reader, TakesJsonForItIsYaml)
 {
     const Graph graph =
         parse_graph(R"({"rayloom": 1, "params": {"f": 2.0}, "inputs": {"color": "x"},
-            "nodes": {"a": {"op": "test.gain", "image": "color", "factor": "$f"}},
+            "nodes": {"a": {"op": "mock.gain", "image": "color", "factor": "$f"}},
             "outputs": {"image": "a"}})",
                     "g.json");
     EXPECT_EQ(std::get<ParamReference>(graph.node("a")->argument("factor")->items[0]).name, "f");
@@ -236,7 +236,7 @@ TEST_F(Reader, TakesJsonForItIsYaml)
 
 TEST_F(Reader, TakesWindowsLineEndsAndAByteOrderMark)
 {
-    std::string text = graph_of("  a: {op: test.gain, image: color}\n", "a");
+    std::string text = graph_of("  a: {op: mock.gain, image: color}\n", "a");
     for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2)
         text.replace(at, 1, "\r\n");
     EXPECT_NO_THROW(parse_graph("\xef\xbb\xbf" + text, "g.yaml"));
@@ -244,10 +244,10 @@ TEST_F(Reader, TakesWindowsLineEndsAndAByteOrderMark)
 
 TEST_F(Reader, ColumnsCountCharacters)
 {
-    EXPECT_EQ(problems_of(graph_of("  a: {op: test.gain, image: color, "
+    EXPECT_EQ(problems_of(graph_of("  a: {op: mock.gain, image: color, "
                                    "when: \"'é' == 'é' and bad\"}\n",
                                    "a")),
-              "g.yaml:4:58: node 'a' (test.gain): 'when': 'bad' stands alone; write $bad for a "
+              "g.yaml:4:58: node 'a' (mock.gain): 'when': 'bad' stands alone; write $bad for a "
               "parameter, has(bad) for a stream, 'bad' in quotes for text");
 }
 
@@ -281,7 +281,7 @@ TEST_F(Reader, BoundsSizeNestingAndReuse)
         file << "rayloom: 1\ninputs: {color: x}\nnodes:\n";
         for (int k = 0; k < 10; ++k)
             if (i == 14)
-                file << "  n" << k << ": {op: test.gain, image: color}\n";
+                file << "  n" << k << ": {op: mock.gain, image: color}\n";
             else
                 file << "  n" << k << ": {op: \"graph:g" << i + 1 << ".yaml\", color: color}\n";
         file << "outputs: {image: n0}\n";
@@ -298,9 +298,9 @@ TEST_F(Reader, BoundsSizeNestingAndReuse)
 
 TEST_F(Reader, FollowsLongChains)
 {
-    std::string nodes = "  n0: {op: test.gain, image: color}\n";
+    std::string nodes = "  n0: {op: mock.gain, image: color}\n";
     for (int i = 1; i < 5000; ++i)
-        nodes += "  n" + std::to_string(i) + ": {op: test.gain, image: n" + std::to_string(i - 1) +
+        nodes += "  n" + std::to_string(i) + ": {op: mock.gain, image: n" + std::to_string(i - 1) +
                  "}\n";
     EXPECT_EQ(parse_graph(graph_of(nodes, "n4999"), "g.yaml").nodes.size(), 5000u);
 }
@@ -309,7 +309,7 @@ TEST_F(Reader, ReportsAManyTimesRepeatedMistakeInBounds)
 {
     std::string nodes;
     for (int i = 0; i < 500; ++i)
-        nodes += "  n" + std::to_string(i) + ": {op: test.gain, image: colour}\n";
+        nodes += "  n" + std::to_string(i) + ": {op: mock.gain, image: colour}\n";
     try {
         parse_graph(graph_of(nodes, "n0"), "g.yaml");
         FAIL();

@@ -72,11 +72,11 @@ TEST_F(Schema, DescribesEveryNode)
                       param.doc);
     }
     const yaml::Value& factor =
-        *at(definitions, {"test.gain", "properties", "factor", "anyOf"}).items.at(0);
+        *at(definitions, {"mock.gain", "properties", "factor", "anyOf"}).items.at(0);
     EXPECT_EQ(at(factor, {"type"}).text, "number");
     EXPECT_EQ(at(factor, {"minimum"}).text, "0");
     EXPECT_EQ(at(factor, {"maximum"}).text, "16");
-    EXPECT_EQ(at(definitions, {"test.gain", "properties", "factor", "default"}).text, "1");
+    EXPECT_EQ(at(definitions, {"mock.gain", "properties", "factor", "default"}).text, "1");
 }
 
 TEST_F(Schema, EveryReferenceResolves)

@@ -33,7 +33,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<GainParams>& d)
     {
-        d.name("test.gain").summary("Multiplies by a factor.");
+        d.name("mock.gain").summary("Multiplies by a factor.");
         d.input("image", "what to multiply");
         d.output("image", "the product");
         d.param("factor", &GainParams::factor, "What to multiply by.").range(0.0, 16.0);
@@ -50,7 +50,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<BlendParams>& d)
     {
-        d.name("test.blend").summary("Puts one image over another.");
+        d.name("mock.blend").summary("Puts one image over another.");
         d.input("image", "the image below");
         d.input("guide", "the image above").optional();
         d.output("mean", "the blend");
@@ -68,7 +68,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<LevelsParams>& d)
     {
-        d.name("test.levels").summary("Makes a list of one image.");
+        d.name("mock.levels").summary("Makes a list of one image.");
         d.input("image", "the image");
         d.output("levels", "the list").list();
         d.param("scales", &LevelsParams::scales, "Length of the list.").range(1, 6);
@@ -83,7 +83,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<NoParams>& d)
     {
-        d.name("test.join").summary("Makes one image of a list.");
+        d.name("mock.join").summary("Makes one image of a list.");
         d.input("levels", "the list").list();
         d.output("image", "the image");
     }
@@ -95,7 +95,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<NoParams>& d)
     {
-        d.name("test.flatten").summary("Flattens a deep image.");
+        d.name("mock.flatten").summary("Flattens a deep image.");
         d.input("deep", "the deep image").deep();
         d.output("image", "the flat one");
     }
@@ -107,7 +107,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<NoParams>& d)
     {
-        d.name("test.measure").summary("Measures an image.");
+        d.name("mock.measure").summary("Measures an image.");
         d.input("image", "the image");
         d.output("figures", "what was measured").table();
     }
@@ -119,7 +119,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<NoParams>& d)
     {
-        d.name("test.apply").summary("Applies what was measured.");
+        d.name("mock.apply").summary("Applies what was measured.");
         d.input("image", "the image");
         d.input("figures", "what was measured").table();
         d.output("image", "the corrected image");
@@ -135,7 +135,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<SaveParams>& d)
     {
-        d.name("test.save").summary("Saves an image.");
+        d.name("mock.save").summary("Saves an image.");
         d.input("image", "the image");
         d.param("path", &SaveParams::path, "Where to.").required();
     }
@@ -156,7 +156,7 @@ public:
     using FileTestNode::FileTestNode;
     static void describe(Declaration<TypesParams>& d)
     {
-        d.name("test.types").summary("Has a parameter of every type.");
+        d.name("mock.types").summary("Has a parameter of every type.");
         d.input("image", "the image");
         d.output("image", "the same image");
         d.param("flag", &TypesParams::flag, "Yes or no.");

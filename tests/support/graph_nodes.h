@@ -7,7 +7,7 @@
 namespace rayloom::test
 {
 
-/// Registers the nodes of stage `test.` (once; further calls do nothing):
+/// Registers the nodes of stage `mock.` (once; further calls do nothing):
 /// gain, blend, levels, join, flatten, measure, apply, save, types.
 void register_graph_nodes();
 
