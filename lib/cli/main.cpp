@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/cli/command.h"
+#include "rayloom/core/error.h"
+#include "rayloom/core/registry.h"
+#include "rayloom/core/text.h"
+#include "rayloom/core/version.h"
+#include "rayloom/simd/targets.h"
+
+#include <cstdlib>
+#include <iostream>
+#include <new>
+
+namespace
+{
+
+std::string version_text()
+{
+    return "rayloom " + rayloom::version() + "\nOpenImageIO " + rayloom::openimageio_version() +
+           "\nSIMD target " + rayloom::simd_target() + " (this machine has " +
+           rayloom::join_names(rayloom::simd_targets()) + ")";
+}
+
+/// The whole command line, so that a farm's log is enough to repeat the run.
+std::string command_line(int argc, char** argv)
+{
+    std::string out;
+    for (int i = 0; i < argc; ++i) {
+        std::string word = argv[i];
+        if (word.find_first_of(" '\"$*?[#&;|<>()\\") != std::string::npos) {
+            std::string quoted = "'";
+            for (const char c : word)
+                quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+            word = quoted + "'";
+        }
+        out += (i > 0 ? " " : "") + word;
+    }
+    return out;
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+    CLI::App app{"Image-processing nodes and graphs for Monte Carlo renders"};
+    app.name("rayloom");
+    app.require_subcommand(1);
+    app.set_version_flag("--version", version_text);
+    app.footer(
+        "Exit codes: 0 done; 1 a limit of compare is broken; 2 the graph or the command line is "
+        "wrong; 3 an\n"
+        "input is; 4 an output cannot be written; 5 memory does not suffice; 130 stopped.\n"
+        "RAYLOOM_PLUGINS: folders (separated by ':') whose shared libraries bring more nodes.\n"
+        "RAYLOOM_GRAPH_PATH: folders in which graphs are found by name.");
+    std::string simd;
+    app.add_option("--simd", simd, "SIMD target of the kernels, or auto")->type_name("TARGET");
+
+    rayloom::cli::Action action;
+    rayloom::cli::add_run(app, action);
+    rayloom::cli::add_plan(app, action);
+    rayloom::cli::add_graph_commands(app, action);
+    rayloom::cli::add_node_commands(app, action);
+    rayloom::cli::add_info(app, action);
+    rayloom::cli::add_compare(app, action);
+
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& e) {
+        const int code = app.exit(e);
+        return code == 0 ? 0 : 2;
+    }
+    try {
+        if (const char* folders = std::getenv("RAYLOOM_PLUGINS"))
+            rayloom::Registry::instance().load_plugins(folders);
+        if (!simd.empty()) rayloom::use_simd_target(simd);
+        return action();
+    } catch (const rayloom::Error& e) {
+        std::cerr << "rayloom: " << e.what() << "\n";
+        if (e.exit_code() != 130)
+            std::cerr << "rayloom: the command was: " << command_line(argc, argv) << "\n";
+        return e.exit_code();
+    } catch (const std::bad_alloc&) {
+        std::cerr << "rayloom: memory ran out\n";
+        return 5;
+    } catch (const std::exception& e) {
+        std::cerr << "rayloom: internal error: " << e.what()
+                  << "\nrayloom: the command was: " << command_line(argc, argv) << "\n";
+        return 70;
+    }
+}

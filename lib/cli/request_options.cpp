@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/cli/request_options.h"
+
+#include "rayloom/core/error.h"
+#include "rayloom/core/text.h"
+#include "rayloom/image/frames.h"
+
+#include <charconv>
+
+namespace rayloom::cli
+{
+
+namespace
+{
+
+Region parse_region(const std::string& text)
+{
+    int values[4] = {};
+    const char* at = text.data();
+    const char* end = at + text.size();
+    for (int i = 0; i < 4; ++i) {
+        const auto [next, status] = std::from_chars(at, end, values[i]);
+        const bool last = i == 3;
+        if (status != std::errc{} || (last ? next != end : next == end || *next != ','))
+            throw UsageError("--roi wants x,y,width,height, not '" + text + "'");
+        at = next + 1;
+    }
+    if (values[2] <= 0 || values[3] <= 0)
+        throw UsageError("--roi wants a width and a height above 0, not '" + text + "'");
+    return {values[0], values[1], values[0] + values[2], values[1] + values[3]};
+}
+
+} // namespace
+
+void RequestOptions::add_to(CLI::App& command)
+{
+    command
+        .add_option("graph", graph, "Graph file, or the name of a graph that comes with rayloom")
+        ->required()
+        ->type_name("GRAPH");
+    command
+        .add_option(
+            "-i,--input", inputs,
+            "Input as name=path[@range][:layer]; a glob or a pattern with its own range is a list, "
+            "several -i of one name too")
+        ->type_name("NAME=PATH")
+        ->take_all()
+        ->allow_extra_args(false);
+    command.add_option("-o,--output", outputs, "Output as name=path; .json for figures")
+        ->type_name("NAME=PATH")
+        ->take_all()
+        ->allow_extra_args(false);
+    command.add_option("-p,--param", params, "Parameter as name=value; lists as a,b,c")
+        ->type_name("NAME=VALUE")
+        ->take_all()
+        ->allow_extra_args(false);
+    command.add_option("-f,--frames", frames, "Run once for each frame, e.g. 1-100x2,150")
+        ->type_name("RANGE");
+    command.add_option("--roi", roi, "Compute only these pixels")->type_name("X,Y,W,H");
+    command.add_option("--tile", tile, "Side of a tile in pixels (0: chosen)")
+        ->check(CLI::Range(0, 65536));
+    command.add_option("-t,--threads", threads, "Threads (0: as many as this process may use)")
+        ->check(CLI::Range(0, 4096));
+    command.add_option("--memory", memory, "Budget for pixels in memory, e.g. 2G")
+        ->type_name("SIZE");
+    command.add_option("--cache", cache, "Folder that keeps results; only what changed runs again")
+        ->type_name("DIR");
+    command
+        .add_option("--type", type,
+                    "Pixel type of written images (half, float, uint8, …); default as the input")
+        ->type_name("TYPE");
+    command
+        .add_option("--compression", compression,
+                    "Compression of written images; default as the input")
+        ->type_name("NAME");
+    command.add_flag(
+        "--pass-through", pass_through,
+        "Write the file of the first input back, with the filtered layer in its place and every "
+        "other layer bit for bit");
+    command.add_flag("--no-skip", no_skip, "Take no shortcut (the pixels are the same)");
+}
+
+std::vector<std::optional<int>> RequestOptions::frame_list() const
+{
+    if (frames.empty()) return {std::nullopt};
+    std::vector<std::optional<int>> list;
+    for (const int frame : parse_frame_range(frames)) list.emplace_back(frame);
+    return list;
+}
+
+RunRequest RequestOptions::request(const Graph& loaded, std::optional<int> frame) const
+{
+    RunRequest request;
+    std::string first_file, first_layer;
+    for (const std::string& text : inputs) {
+        const InputSource source = parse_input_source(text);
+        const ResolvedFiles files = resolve_files(source, frame);
+        InputBinding& binding = request.inputs[source.name];
+        const bool again = !binding.files.empty();
+        for (const std::string& path : files.paths) binding.files.push_back({path, source.layer});
+        binding.is_list = again || files.is_list;
+        if (first_file.empty() && !files.paths.empty()) {
+            first_file = files.paths.front();
+            first_layer = source.layer;
+        }
+    }
+    for (const std::string& text : outputs) {
+        const OutputTarget target = parse_output_target(text);
+        const FramePattern pattern(target.path);
+        if (pattern.has_frame() && !frame)
+            throw UsageError("output '" + target.name + "' has a place for a frame number (" +
+                             target.path + ") and there is no --frames");
+        if (!pattern.has_frame() && frame && frame_list().size() > 1)
+            throw UsageError("every frame would be written to '" + target.path +
+                             "'; give output '" + target.name +
+                             "' a place for the frame, e.g. out.%04d.exr");
+        OutputBinding binding;
+        binding.path = frame ? pattern.path(*frame) : pattern.path(0);
+        binding.type = type;
+        binding.compression = compression;
+        binding.layer = target.layer;
+        if (pass_through) {
+            if (first_file.empty())
+                throw UsageError("--pass-through needs an input file (-i) to hand on");
+            binding.pass_through_from = first_file;
+            if (binding.layer.empty()) binding.layer = first_layer;
+        }
+        if (!request.outputs.emplace(target.name, binding).second)
+            throw UsageError("output '" + target.name + "' is given twice");
+    }
+    for (const std::string& text : params) {
+        const std::size_t equals = text.find('=');
+        if (equals == std::string::npos || equals == 0)
+            throw UsageError("-p wants name=value, not '" + text + "'");
+        if (!request.param_texts.emplace(text.substr(0, equals), text.substr(equals + 1)).second)
+            throw UsageError("parameter '" + text.substr(0, equals) + "' is given twice");
+    }
+    for (const auto& [name, binding] : request.inputs)
+        if (const GraphInput* input = loaded.input(name);
+            input && input->kind != PortKind::list && binding.files.size() > 1)
+            throw UsageError("input '" + name + "' takes one file, not " +
+                             std::to_string(binding.files.size()) + ": " + binding.files[0].path +
+                             ", " + binding.files[1].path +
+                             (binding.files.size() > 2 ? ", …" : ""));
+    if (!roi.empty()) request.roi = parse_region(roi);
+    return request;
+}
+
+RunOptions RequestOptions::run_options() const
+{
+    RunOptions options;
+    options.threads = threads;
+    options.tile = tile;
+    options.skip = !no_skip;
+    options.cache_folder = cache;
+    if (!memory.empty()) options.memory = parse_bytes(memory);
+    return options;
+}
+
+} // namespace rayloom::cli
