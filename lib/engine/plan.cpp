@@ -626,23 +626,19 @@ Value Planner::bind_input(const GraphInput& input, const InputBinding& binding)
     const std::string& layer = binding.files.front().layer;
     params["layer"] = layer;
     if (layer.empty() && !input.role.empty()) params["role"] = input.role;
-    params["channels"] = input.channels == "any" ? std::string() : input.channels;
-    std::string op = "io.read", port = "image";
+    params["channels"] = input.channels;
+    std::string op = "io.read";
     if (value.list) {
         op = "io.stack";
-        port = "stack";
         std::vector<std::string> paths;
         for (const InputFile& file : binding.files) paths.push_back(file.path);
         params["paths"] = paths;
     } else {
-        if (input.kind == PortKind::deep) {
-            op = "io.read_deep";
-            port = "deep";
-        }
+        if (input.kind == PortKind::deep) op = "io.read_deep";
         params["path"] = binding.files.front().path;
     }
     const auto out = add_node_op(input.name, op, std::move(params), {}, input.where);
-    const auto found = out.find(port);
+    const auto found = out.find(Registry::instance().find(op)->outputs.front().name);
     if (found == out.end())
         value.broken = true;
     else

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every node and every shipped graph must hold, by being there: the example of each registered
+// node and each file in graphs/ is run on made-up input, and its pixels must not depend on tiles,
+// threads, crops, shortcuts or the memory budget.
+#include "rayloom/core/registry.h"
+#include "rayloom/graph/reader.h"
+#include "tests/support/engine_nodes_for_tests.h"
+#include "tests/support/made_up_input.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+namespace rayloom::test
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+
+/// All images of all outputs, in order.
+std::vector<MemoryImage> run_all(const Graph& graph, const RunRequest& request,
+                                 const RunOptions& options)
+{
+    RunReport report = run_graph(graph, request, options);
+    std::vector<MemoryImage> images;
+    for (auto& [name, list] : report.images)
+        for (MemoryImage& image : list) images.push_back(std::move(image));
+    return images;
+}
+
+void expect_same(const std::vector<MemoryImage>& a, const std::vector<MemoryImage>& b,
+                 const std::string& what)
+{
+    ASSERT_EQ(a.size(), b.size()) << what;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        EXPECT_TRUE(same_bits(a[i], b[i])) << what << ", image " << i;
+}
+
+void hold_graph(const Graph& graph, const Region& window)
+{
+    const RunRequest request = made_up_request(graph, window);
+    RunOptions plain;
+    plain.threads = 1;
+    plain.tile = 8192;
+    const std::vector<MemoryImage> expected = run_all(graph, request, plain);
+    for (const int threads : {2, 7})
+        for (const int tile : {0, 16, 37}) {
+            RunOptions options;
+            options.threads = threads;
+            options.tile = tile;
+            expect_same(run_all(graph, request, options), expected,
+                        std::to_string(threads) + " threads, tile " + std::to_string(tile));
+        }
+    RunOptions no_skip;
+    no_skip.skip = false;
+    expect_same(run_all(graph, request, no_skip), expected, "no shortcuts");
+
+    // A crop of each output has the pixels of the whole.
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+        const Region all = expected[i].desc.data;
+        const Region roi{all.x0 + all.width() / 3, all.y0 + all.height() / 4,
+                         all.x0 + std::max(1, 2 * all.width() / 3) + all.width() / 3,
+                         all.y0 + all.height() / 4 + std::max(1, all.height() / 2)};
+        if (std::ranges::any_of(
+                expected, [&](const MemoryImage& e) { return e.desc.data.intersect(roi).empty(); }))
+            continue;
+        RunRequest crop = request;
+        crop.roi = roi;
+        const std::vector<MemoryImage> cropped = run_all(graph, crop, {});
+        ASSERT_EQ(cropped.size(), expected.size());
+        MemoryImage part;
+        part.desc = expected[i].desc;
+        part.desc.data = all.intersect(roi);
+        part.pixels = ImageBuffer(part.desc.data, part.desc.channel_count());
+        copy_pixels(expected[i].pixels.view(), part.pixels.view());
+        EXPECT_TRUE(same_bits(cropped[i], part)) << "crop " << roi.text();
+    }
+
+    // The tightest budget the planner accepts.
+    RunOptions tight;
+    tight.threads = 2;
+    const std::size_t comfortable = make_schedule(make_plan(graph, request), tight).peak_bytes;
+    for (std::size_t budget = comfortable / 4; budget <= comfortable;
+         budget += std::max<std::size_t>(1, comfortable / 4)) {
+        tight.memory = budget;
+        try {
+            expect_same(run_all(graph, request, tight), expected,
+                        "budget of " + std::to_string(budget));
+            break;
+        } catch (const MemoryError&) {
+        }
+    }
+}
+
+class EveryNode : public ::testing::TestWithParam<std::string>
+{
+};
+
+TEST_P(EveryNode, ExampleGivesTheSamePixelsHoweverItIsRun)
+{
+    const NodeInfo& node = *Registry::instance().find(GetParam());
+    ASSERT_FALSE(node.example.empty()) << node.name << " has no example";
+    const Graph graph = parse_graph(node.example, node.name);
+    if (std::ranges::any_of(graph.nodes,
+                            [](const GraphNode& n) { return n.op.starts_with("io."); }))
+        GTEST_SKIP() << "reads or writes files; tests/nodes/io holds it";
+    for (const Region window :
+         {Region{0, 0, 101, 83}, Region{-9, 17, 30, 60}, Region{4, 4, 5, 5}}) {
+        SCOPED_TRACE(window.text());
+        hold_graph(graph, window);
+    }
+}
+
+std::vector<std::string> built_in_names()
+{
+    std::vector<std::string> names;
+    for (const NodeInfo* node : Registry::instance().all())
+        if (!node->name.starts_with("engine.") && !node->name.starts_with("test."))
+            names.push_back(node->name);
+    return names;
+}
+
+std::string test_name(const ::testing::TestParamInfo<std::string>& info)
+{
+    std::string name = fs::path(info.param).filename().string();
+    for (char& c : name)
+        if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+    return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(Registry, EveryNode, ::testing::ValuesIn(built_in_names()), test_name);
+
+class EveryGraph : public ::testing::TestWithParam<std::string>
+{
+};
+
+TEST_P(EveryGraph, GivesTheSamePixelsHoweverItIsRun)
+{
+    const Graph graph = read_graph(GetParam());
+    for (const Region window : {Region{0, 0, 75, 61}, Region{-7, 12, 33, 45}}) {
+        SCOPED_TRACE(window.text());
+        hold_graph(graph, window);
+    }
+}
+
+std::vector<std::string> shipped_graphs()
+{
+    std::vector<std::string> files;
+    for (const auto& entry : fs::directory_iterator(fs::path(RAYLOOM_SOURCE_DIR) / "graphs"))
+        if (entry.path().extension() == ".yaml") files.push_back(entry.path().string());
+    std::ranges::sort(files);
+    return files;
+}
+
+INSTANTIATE_TEST_SUITE_P(Shipped, EveryGraph, ::testing::ValuesIn(shipped_graphs()), test_name);
+
+} // namespace
+} // namespace rayloom::test
