@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 namespace rayloom::test
@@ -19,23 +20,37 @@ namespace
 
 namespace fs = std::filesystem;
 
-/// All images of all outputs, in order.
-std::vector<MemoryImage> run_all(const Graph& graph, const RunRequest& request,
-                                 const RunOptions& options)
+/// All images of all outputs, in order, and all figures.
+struct Results {
+    std::vector<MemoryImage> images;
+    std::map<std::string, std::vector<Table>, std::less<>> tables;
+};
+
+Results run_all(const Graph& graph, const RunRequest& request, const RunOptions& options)
 {
     RunReport report = run_graph(graph, request, options);
-    std::vector<MemoryImage> images;
+    Results results;
     for (auto& [name, list] : report.images)
-        for (MemoryImage& image : list) images.push_back(std::move(image));
-    return images;
+        for (MemoryImage& image : list) results.images.push_back(std::move(image));
+    results.tables = std::move(report.tables);
+    return results;
 }
 
-void expect_same(const std::vector<MemoryImage>& a, const std::vector<MemoryImage>& b,
-                 const std::string& what)
+void expect_same(const Results& a, const Results& b, const std::string& what)
 {
-    ASSERT_EQ(a.size(), b.size()) << what;
-    for (std::size_t i = 0; i < a.size(); ++i)
-        EXPECT_TRUE(same_bits(a[i], b[i])) << what << ", image " << i;
+    ASSERT_EQ(a.images.size(), b.images.size()) << what;
+    for (std::size_t i = 0; i < a.images.size(); ++i)
+        EXPECT_TRUE(same_bits(a.images[i], b.images[i])) << what << ", image " << i;
+    EXPECT_EQ(a.tables, b.tables) << what;
+}
+
+void expect_finite(const Results& results)
+{
+    for (const MemoryImage& image : results.images)
+        for (int y = image.desc.data.y0; y < image.desc.data.y1; ++y)
+            for (int c = 0; c < image.desc.channel_count(); ++c)
+                for (const float v : image.pixels.view().row_span(c, y))
+                    ASSERT_TRUE(std::isfinite(v)) << "channel " << c << ", row " << y;
 }
 
 void hold_graph(const Graph& graph, const Region& window)
@@ -44,18 +59,20 @@ void hold_graph(const Graph& graph, const Region& window)
     RunOptions plain;
     plain.threads = 1;
     plain.tile = 8192;
-    const std::vector<MemoryImage> expected = run_all(graph, request, plain);
+    const Results all_expected = run_all(graph, request, plain);
+    const std::vector<MemoryImage>& expected = all_expected.images;
+    expect_finite(all_expected);
     for (const int threads : {2, 7})
         for (const int tile : {0, 16, 37}) {
             RunOptions options;
             options.threads = threads;
             options.tile = tile;
-            expect_same(run_all(graph, request, options), expected,
+            expect_same(run_all(graph, request, options), all_expected,
                         std::to_string(threads) + " threads, tile " + std::to_string(tile));
         }
     RunOptions no_skip;
     no_skip.skip = false;
-    expect_same(run_all(graph, request, no_skip), expected, "no shortcuts");
+    expect_same(run_all(graph, request, no_skip), all_expected, "no shortcuts");
 
     // A crop of each output has the pixels of the whole.
     for (std::size_t i = 0; i < expected.size(); ++i) {
@@ -68,7 +85,7 @@ void hold_graph(const Graph& graph, const Region& window)
             continue;
         RunRequest crop = request;
         crop.roi = roi;
-        const std::vector<MemoryImage> cropped = run_all(graph, crop, {});
+        const std::vector<MemoryImage> cropped = run_all(graph, crop, {}).images;
         ASSERT_EQ(cropped.size(), expected.size());
         MemoryImage part;
         part.desc = expected[i].desc;
@@ -86,7 +103,7 @@ void hold_graph(const Graph& graph, const Region& window)
          budget += std::max<std::size_t>(1, comfortable / 4)) {
         tight.memory = budget;
         try {
-            expect_same(run_all(graph, request, tight), expected,
+            expect_same(run_all(graph, request, tight), all_expected,
                         "budget of " + std::to_string(budget));
             break;
         } catch (const MemoryError&) {
@@ -103,6 +120,9 @@ TEST_P(EveryNode, ExampleGivesTheSamePixelsHoweverItIsRun)
     const NodeInfo& node = *Registry::instance().find(GetParam());
     ASSERT_FALSE(node.example.empty()) << node.name << " has no example";
     const Graph graph = parse_graph(node.example, node.name);
+    EXPECT_TRUE(std::ranges::any_of(graph.nodes, [&](const GraphNode& n) {
+        return n.op == node.name;
+    })) << "the example does not use the node";
     if (std::ranges::any_of(graph.nodes,
                             [](const GraphNode& n) { return n.op.starts_with("io."); }))
         GTEST_SKIP() << "reads or writes files; tests/nodes/io holds it";
@@ -117,7 +137,7 @@ std::vector<std::string> built_in_names()
 {
     std::vector<std::string> names;
     for (const NodeInfo* node : Registry::instance().all())
-        if (!node->name.starts_with("engine.") && !node->name.starts_with("test."))
+        if (!node->name.starts_with("engine.") && !node->name.starts_with("mock."))
             names.push_back(node->name);
     return names;
 }
