@@ -251,9 +251,6 @@ ChannelSelection ImageFile::select(std::string_view address, std::string_view pa
         if (std::find(wanted_parts.begin(), wanted_parts.end(), layer.part) != wanted_parts.end())
             candidates.push_back(&layer);
     const std::string text(address);
-    const auto part_of = [&](const LayerInfo& l) -> const PartInfo& {
-        return m_parts[static_cast<std::size_t>(l.part)];
-    };
 
     if (text.empty()) {
         const PartInfo& first = m_parts[static_cast<std::size_t>(wanted_parts.front())];
@@ -327,7 +324,6 @@ ChannelSelection ImageFile::select(std::string_view address, std::string_view pa
             names.insert(l->channel_names.begin(), l->channel_names.end());
         else
             names.insert(l->address());
-        (void)part_of;
     }
     const std::vector<std::string> all(names.begin(), names.end());
     std::string hint = suggestion(text, all);
@@ -432,6 +428,7 @@ struct ImageReader::State {
     Region decoded; ///< what `pixels` holds
     std::unique_ptr<std::byte[]> pixels;
     std::size_t capacity = 0;
+    int last_row = 0; ///< end of the last region read
     Region deep_decoded;
     std::vector<DeepRow> deep_rows;
 
@@ -505,7 +502,7 @@ struct ImageReader::State {
         if (!ok) {
             if (why.empty()) why = input->geterror();
             input.reset(); // whatever state the decoder is in, the next try starts anew
-            fail_rows(r.y0, r.y1, why);
+            fail_rows(r.y0, std::min(r.y1, part->data.y1), why);
         }
         decoded = r;
     }
@@ -605,10 +602,14 @@ void ImageReader::read(ImageView out) const
     const Region& data = s.part->data;
     const int chunk = s.part->chunk_rows;
     Region columns = data; // scanlines are always decoded whole
+    // Tiles of EXR are decoded in place where whole ones are asked for, even beyond the image;
+    // the library would otherwise go through a copy.
+    const bool whole_tiles = s.native && spec.tile_width > 0;
     if (spec.tile_width > 0) {
         columns.x0 = data.x0 + (r.x0 - data.x0) / spec.tile_width * spec.tile_width;
-        columns.x1 = std::min(data.x1, data.x0 + (r.x1 - data.x0 + spec.tile_width - 1) /
-                                                     spec.tile_width * spec.tile_width);
+        columns.x1 =
+            data.x0 + (r.x1 - data.x0 + spec.tile_width - 1) / spec.tile_width * spec.tile_width;
+        if (!whole_tiles) columns.x1 = std::min(columns.x1, data.x1);
     }
     const std::size_t chunk_bytes =
         static_cast<std::size_t>(columns.width()) * static_cast<std::size_t>(chunk) * s.pixel_bytes;
@@ -620,13 +621,16 @@ void ImageReader::read(ImageView out) const
             // Whole blocks up to the last row wanted, and at least the one this row is in.
             const std::int64_t want = (std::int64_t{r.y1} - start + chunk - 1) / chunk;
             const std::int64_t n = std::clamp<std::int64_t>(want, 1, chunks_at_once);
-            const auto end = static_cast<int>(std::min<std::int64_t>(data.y1, start + n * chunk));
+            const std::int64_t last = start + n * chunk;
+            const auto end =
+                static_cast<int>(whole_tiles ? last : std::min<std::int64_t>(data.y1, last));
             s.decode({columns.x0, start, columns.x1, end});
         }
         const int end = std::min(r.y1, s.decoded.y1);
         parallel_for(y, end, 4, [&](int row) { s.unpack_row(out, row); });
         y = end;
     }
+    s.last_row = r.y1;
 }
 
 DeepRow ImageReader::read_deep_row(int y) const
@@ -700,6 +704,24 @@ DeepRow ImageReader::read_deep_row(int y) const
         s.deep_decoded = {data.x0, start, data.x1, end};
     }
     return s.deep_rows[static_cast<std::size_t>(y - s.deep_decoded.y0)];
+}
+
+std::size_t ImageReader::scratch_bytes() const
+{
+    const State& s = *m_state;
+    const auto row = static_cast<std::size_t>(s.part->data.width()) * s.pixel_bytes;
+    return std::min(row * static_cast<std::size_t>(s.part->data.height()),
+                    std::max(band_bytes, 2 * row * static_cast<std::size_t>(s.part->chunk_rows)));
+}
+
+void ImageReader::trim() const
+{
+    State& s = *m_state;
+    const std::lock_guard lock(s.mutex);
+    if (s.last_row < std::min(s.decoded.y1, s.part->data.y1)) return;
+    s.pixels.reset();
+    s.capacity = 0;
+    s.decoded = {};
 }
 
 void ImageReader::release() const

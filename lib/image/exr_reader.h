@@ -118,7 +118,12 @@ public:
     /// One row of a deep part, over the width of the data window.
     DeepRow read_deep_row(int y) const;
 
-    /// Closes the file until the next read.
+    /// Memory read() holds beside the pixels it fills, for bands of whole blocks.
+    std::size_t scratch_bytes() const;
+
+    /// Frees decoded rows that were read to their end; the file stays open.
+    void trim() const;
+    /// Closes the file until the next read and frees what was decoded.
     void release() const;
 
 private:

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/registry.h"
+#include "rayloom/image/exr_reader.h"
+
+namespace rayloom
+{
+
+namespace
+{
+class ReadImage final : public Node
+{
+public:
+    struct Params {
+        std::string path;
+        std::string layer;
+        std::string part;
+        std::string channels = "any";
+    };
+
+    static void describe(Declaration<Params>& d)
+    {
+        d.name("io.read")
+            .summary("Reads an image, or one layer of it, from a file.")
+            .doc(
+                "Pixels come as linear float32 at the places the file's data window gives them; "
+                "metadata, windows and pixel types travel along for whoever writes a descendant of "
+                "the image. Only the header is read before the run starts. Files are read "
+                "directly, in the blocks they are compressed in, and never cached.\n\n"
+                "The layer is addressed by its name ('ViewLayer.Combined'), its part ('beauty'), "
+                "both ('beauty.Combined'), its last word where no other layer has it "
+                "('Combined'), or as one channel ('ViewLayer.Depth.Z'). Without a layer the "
+                "whole first part is read, under full channel names when it has several "
+                "layers.\n\n"
+                "Errors: a file that is missing, truncated or no image, a layer or channel it does "
+                "not have (the message lists what there is), a deep part.");
+        d.output("image", "pixels of the selected channels");
+        d.param("path", &Params::path, "image file; any format OpenImageIO reads").required();
+        d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");
+        d.param("part", &Params::part,
+                "name or number of the part to look in, where layers of several share a name");
+        d.param("channels", &Params::channels,
+                "'any', 'RGB' (the three colour channels, and alpha where there is one), or a "
+                "comma list of names in the order wanted");
+    }
+
+    explicit ReadImage(const Params& p) : m(p) {}
+
+    void plan(PlanContext& context) override
+    {
+        const auto file = ImageFile::open(m.path);
+        const ChannelSelection selection = file->narrow(file->select(m.layer, m.part), m.channels);
+        m_reader.emplace(file, selection);
+        const PartInfo& part = m_reader->part();
+        if (part.deep)
+            throw NodeError(m.path + ": " +
+                            (selection.layer.empty() ? "the image" : "'" + selection.layer + "'") +
+                            " is deep; read it with io.read_deep");
+        context.output("image", m_reader->desc());
+        context.access(Access::rows, part.chunk_rows);
+        context.scratch(m_reader->scratch_bytes());
+        context.cheap();
+        if (!selection.layer.empty()) context.note("layer '" + selection.layer + "' of " + m.path);
+    }
+
+    void compute(const TileContext& context) const override
+    {
+        m_reader->read(context.output("image"));
+    }
+
+    std::string content_key(bool thorough) const override
+    {
+        return file_content_key(m.path, thorough);
+    }
+
+private:
+    Params m;
+    std::optional<ImageReader> m_reader;
+};
+} // namespace
+
+RAYLOOM_NODE(ReadImage);
+
+} // namespace rayloom

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/registry.h"
+#include "rayloom/core/text.h"
+#include "rayloom/image/exr_reader.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace rayloom
+{
+
+namespace
+{
+// Files one stack keeps open at once, well under what a process may have.
+constexpr std::size_t max_open = 128;
+
+class ReadStack final : public Node
+{
+public:
+    struct Params {
+        std::vector<std::string> paths;
+        std::string layer;
+        std::string part;
+        std::string channels = "any";
+    };
+
+    static void describe(Declaration<Params>& d)
+    {
+        d.name("io.stack")
+            .summary("Reads the same layer of several files as a list of images.")
+            .doc("For stacks of independent renders of one frame (other seeds), and for frames of "
+                 "an "
+                 "animation. Every file must have the same data window, display window and "
+                 "channels; an error names the two files that differ. Layers and channels are "
+                 "addressed as in io.read.\n\n"
+                 "Errors: those of io.read, for any of the files; an empty list.");
+        d.output("stack", "one image per file, in the order of the list").list();
+        d.param("paths", &Params::paths, "image files").required();
+        d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");
+        d.param("part", &Params::part,
+                "name or number of the part to look in, where layers of several share a name");
+        d.param("channels", &Params::channels,
+                "'any', 'RGB' (the three colour channels, and alpha where there is one), or a "
+                "comma list of names in the order wanted");
+    }
+
+    explicit ReadStack(const Params& p) : m(p) {}
+
+    void plan(PlanContext& context) override
+    {
+        if (m.paths.empty()) throw NodeError("the stack has no file; give at least one path");
+        m_readers.clear();
+        std::vector<ImageDesc> descs;
+        int alignment = 1;
+        std::size_t scratch = 0;
+        for (const std::string& path : m.paths) {
+            const auto file = ImageFile::open(path);
+            m_readers.emplace_back(file, file->narrow(file->select(m.layer, m.part), m.channels));
+            const ImageReader& reader = m_readers.back();
+            if (reader.part().deep)
+                throw NodeError(path + ": is deep; a stack is made of flat images");
+            const ImageDesc& desc = reader.desc();
+            if (!descs.empty()) require_same(descs.front(), desc, path);
+            descs.push_back(desc);
+            alignment = std::lcm(alignment, reader.part().chunk_rows);
+            scratch = std::max(scratch, reader.scratch_bytes());
+        }
+        if (alignment > 4096) alignment = m_readers.front().part().chunk_rows;
+        context.output_list("stack", std::move(descs));
+        context.access(Access::rows, alignment);
+        context.scratch(scratch);
+        context.cheap();
+    }
+
+    void compute(const TileContext& context) const override
+    {
+        const std::size_t element = context.element();
+        m_readers[element].read(context.output("stack"));
+        // A run may go through the elements band by band; where that means too many open files,
+        // each is opened again for every band.
+        if (m_readers.size() > max_open || context.region().y1 >= m_readers[element].desc().data.y1)
+            m_readers[element].release();
+        else
+            m_readers[element].trim();
+    }
+
+    std::string content_key(bool thorough) const override
+    {
+        std::string key;
+        for (const std::string& path : m.paths) key += file_content_key(path, thorough) + "\n";
+        return key;
+    }
+
+private:
+    void require_same(const ImageDesc& first, const ImageDesc& desc, const std::string& path) const
+    {
+        const std::string files = m.paths.front() + " and " + path;
+        if (first.data != desc.data)
+            throw NodeError(files +
+                            ": the files of a stack must have the same data window; they "
+                            "have " +
+                            first.data.text() + " and " + desc.data.text());
+        if (first.display != desc.display)
+            throw NodeError(files +
+                            ": the files of a stack must have the same display window; "
+                            "they have " +
+                            first.display.text() + " and " + desc.display.text());
+        if (first.channels != desc.channels)
+            throw NodeError(files +
+                            ": the files of a stack must have the same channels; they have " +
+                            join_names(first.channels) + "; and " + join_names(desc.channels) +
+                            "; name the layer or channels to take");
+    }
+
+    Params m;
+    std::vector<ImageReader> m_readers;
+};
+} // namespace
+
+RAYLOOM_NODE(ReadStack);
+
+} // namespace rayloom

@@ -1,0 +1,340 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/image/exr_reader.h"
+
+#include "rayloom/core/parallel.h"
+#include "rayloom/image/half.h"
+#include "tests/image/image_files.h"
+
+#include <bit>
+
+namespace rayloom
+{
+namespace
+{
+using namespace test;
+
+bool contains(const std::string& text, const std::string& part)
+{
+    return text.find(part) != std::string::npos;
+}
+
+const std::vector<Channel> cycles_channels = {
+    {"ViewLayer.Combined.R"},
+    {"ViewLayer.Combined.G"},
+    {"ViewLayer.Combined.B"},
+    {"ViewLayer.Combined.A"},
+    {"ViewLayer.Denoising Albedo.R"},
+    {"ViewLayer.Denoising Albedo.G"},
+    {"ViewLayer.Denoising Albedo.B"},
+    {"ViewLayer.Denoising Depth.Z", OIIO::TypeFloat},
+    {"ViewLayer.CryptoObject00.r", OIIO::TypeFloat},
+    {"ViewLayer.IndexOB.X", OIIO::TypeUInt32},
+};
+
+ChannelSelection find(const ImageFile& file, const char* layer, const char* channels = "any",
+                      const char* part = "")
+{
+    return file.narrow(file.select(layer, part), channels);
+}
+
+// What the pattern of image_files.h reads as.
+float expected(const Part& part, int index, int channel, int x, int y)
+{
+    const std::uint32_t bits = pattern(index, channel, x, y);
+    const OIIO::TypeDesc type = part.channels[static_cast<std::size_t>(channel)].type;
+    if (type == OIIO::TypeUInt32) return static_cast<float>(bits);
+    if (type == OIIO::TypeFloat) return std::bit_cast<float>(bits & 0x3fffffffu);
+    const auto half = static_cast<std::uint16_t>(bits & 0x3bffu);
+    float value = 0;
+    half_to_float(&half, &value, 1);
+    return value;
+}
+
+TEST(ImageFile, LayersWithSpacesAndSeveralDots)
+{
+    const TempFolder folder;
+    write_exr(folder.file("a.exr"), {{"", cycles_channels}});
+    const auto file = ImageFile::open(folder.file("a.exr"));
+    ASSERT_EQ(file->layers().size(), 5u);
+    EXPECT_EQ(find(*file, "ViewLayer.Denoising Albedo").names,
+              (std::vector<std::string>{"R", "G", "B"}));
+    EXPECT_EQ(find(*file, "Denoising Albedo").layer, "ViewLayer.Denoising Albedo");
+    EXPECT_EQ(find(*file, "combined").layer, "ViewLayer.Combined") << "case is forgiven";
+    EXPECT_EQ(find(*file, "ViewLayer.Combined.A").names, (std::vector<std::string>{"A"}));
+    EXPECT_EQ(find(*file, "Combined", "B,R").names, (std::vector<std::string>{"B", "R"}));
+    EXPECT_EQ(find(*file, "Combined", "RGB").names, (std::vector<std::string>{"R", "G", "B", "A"}));
+    EXPECT_EQ(find(*file, "").names.size(), cycles_channels.size());
+    EXPECT_EQ(find(*file, "ViewLayer").names.front(), "Combined.R");
+    const std::string missing = message_of([&] { find(*file, "Combinde"); });
+    EXPECT_TRUE(contains(missing, "a.exr")) << missing;
+    EXPECT_TRUE(contains(missing, "'Combinde'")) << missing;
+    EXPECT_TRUE(contains(missing, "ViewLayer.Combined")) << missing;
+    EXPECT_TRUE(contains(message_of([&] { find(*file, "Combined", "R,Q"); }), "'Q'"));
+    EXPECT_TRUE(contains(message_of([&] { find(*file, "", "RGB"); }), "name a layer"));
+}
+
+TEST(ImageFile, PartNamesArePartOfTheAddress)
+{
+    const TempFolder folder;
+    const std::vector<Channel> rgb = {{"R"}, {"G"}, {"B"}};
+    write_exr(folder.file("a.exr"), {{"beauty", rgb},
+                                     {"spec", rgb},
+                                     {"aov", {{"a.R"}, {"b.R"}}},
+                                     {"other", {{"a.R"}, {"c.R"}}},
+                                     {"N", {{"N.X", OIIO::TypeFloat}}}});
+    const auto file = ImageFile::open(folder.file("a.exr"));
+    ASSERT_EQ(file->parts().size(), 5u);
+    EXPECT_EQ(find(*file, "spec").part, 1);
+    EXPECT_EQ(find(*file, "").part, 0);
+    EXPECT_EQ(find(*file, "other.a").part, 3);
+    EXPECT_EQ(find(*file, "a", "any", "other").part, 3);
+    EXPECT_EQ(find(*file, "c").part, 3);
+    EXPECT_EQ(find(*file, "spec.G").channels, (std::vector<int>{1}));
+    EXPECT_EQ(find(*file, "other").names, (std::vector<std::string>{"a.R", "c.R"}));
+    EXPECT_EQ(find(*file, "N").layer, "N");
+    const std::string both = message_of([&] { find(*file, "a"); });
+    EXPECT_TRUE(contains(both, "aov.a") && contains(both, "other.a")) << both;
+    EXPECT_TRUE(contains(message_of([&] { find(*file, "a", "any", "none"); }), "no part 'none'"));
+}
+
+TEST(ImageFile, ViewsAreNotPasses)
+{
+    const TempFolder folder;
+    Part part{"", {{"R"}, {"diffuse.R"}, {"diffuse.right.R"}, {"right.R"}}};
+    part.header = [](OIIO::ImageSpec& spec) {
+        const OIIO::ustring views[] = {OIIO::ustring("left"), OIIO::ustring("right")};
+        spec.attribute("multiView", OIIO::TypeDesc(OIIO::TypeDesc::STRING, 2), views);
+    };
+    write_exr(folder.file("a.exr"), {part});
+    const auto file = ImageFile::open(folder.file("a.exr"));
+    for (const LayerInfo& l : file->layers()) {
+        EXPECT_EQ(l.view, contains(l.name, "right") ? "right" : "left") << l.name;
+        EXPECT_EQ(l.pass, contains(l.name, "diffuse") ? "diffuse" : "") << l.name;
+    }
+    EXPECT_EQ(find(*file, "diffuse.right").layer, "diffuse.right");
+}
+
+TEST(ImageReader, MixedTypesNegativeOriginsEveryCompression)
+{
+    const TempFolder folder;
+    for (const char* compression : {"none", "rle", "zips", "zip", "piz"})
+        for (const bool tiled : {false, true}) {
+            Part part{"", cycles_channels, -7, -11, 45, 83, -2, -3, 30, 40};
+            part.compression = compression;
+            if (tiled) part.tile_width = part.tile_height = 16;
+            write_exr(folder.file("a.exr"), {part});
+            const auto file = ImageFile::open(folder.file("a.exr"));
+            ImageReader reader(file, find(*file, "", "any"));
+            EXPECT_EQ(reader.desc().data, (Region{-7, -11, 38, 72}));
+            EXPECT_EQ(reader.desc().display, (Region{-2, -3, 28, 37}));
+            // Whole, row by row, and a crop, read the same.
+            const std::vector<Region> bands = {
+                {-7, -11, 38, 72}, {-7, -11, 38, -10}, {-7, -10, 38, 9}, {-3, 5, 20, 6},
+                {9, 6, 38, 23},    {-7, 71, 38, 72},   {0, 0, 1, 1}};
+            for (const Region& band : bands) {
+                ImageBuffer pixels(band, static_cast<int>(cycles_channels.size()));
+                reader.read(pixels.view());
+                std::size_t wrong = 0;
+                for (int c = 0; c < pixels.channels(); ++c) {
+                    // Channels come in OpenImageIO's order, which need not be the writer's.
+                    const std::string& name = reader.desc().channels[static_cast<std::size_t>(c)];
+                    int written = 0;
+                    while (cycles_channels[static_cast<std::size_t>(written)].name !=
+                               "ViewLayer." + name &&
+                           cycles_channels[static_cast<std::size_t>(written)].name != name)
+                        ++written;
+                    for (int y = band.y0; y < band.y1; ++y)
+                        for (int x = band.x0; x < band.x1; ++x)
+                            wrong += pixels.view().at(c, x, y) != expected(part, 0, written, x, y);
+                }
+                EXPECT_EQ(wrong, 0u) << compression << tiled << " " << band.text();
+            }
+        }
+}
+
+TEST(ImageReader, ThreadsTakeTurns)
+{
+    const TempFolder folder;
+    const Part part{"", {{"R"}, {"G"}, {"B"}}, 0, 0, 64, 200};
+    write_exr(folder.file("a.exr"), {part});
+    const auto file = ImageFile::open(folder.file("a.exr"));
+    const ImageReader reader(file, find(*file, ""));
+    std::atomic<int> wrong = 0;
+    parallel_for(0, 400, 1, [&](int i) {
+        const int y = i * 37 % 199;
+        ImageBuffer pixels(Region{3, y, 40, y + 2}, 3);
+        reader.read(pixels.view());
+        for (int x = 3; x < 40; ++x)
+            if (pixels.view().at(1, x, y + 1) != expected(part, 0, 1, x, y + 1)) ++wrong;
+    });
+    EXPECT_EQ(wrong, 0);
+}
+
+TEST(ImageReader, AlphaZeroKeepsItsColour)
+{
+    const TempFolder folder;
+    write_float(folder.file("a.exr"), 4, 4, {"R", "G", "B", "A"},
+                [](int, int, int c) { return c == 3 ? 0.0f : 2.5f; });
+    const auto file = ImageFile::open(folder.file("a.exr"));
+    const ImageReader reader(file, find(*file, "", "RGB"));
+    ImageBuffer pixels(reader.desc().data, 4);
+    reader.read(pixels.view());
+    EXPECT_EQ(pixels.view().at(0, 2, 2), 2.5f);
+    EXPECT_EQ(pixels.view().at(3, 2, 2), 0.0f);
+}
+
+TEST(ImageReader, OtherFormats)
+{
+    const TempFolder folder;
+    for (const char* name : {"a.tif", "a.png", "a.ppm"}) {
+        const std::string path = folder.file(name);
+        OIIO::ImageSpec spec(9, 7, 3, OIIO::TypeUInt16);
+        auto out = OIIO::ImageOutput::create(path);
+        ASSERT_TRUE(out && out->open(path, spec)) << name;
+        const std::vector<float> grey(9 * 7 * 3, 0.25f);
+        ASSERT_TRUE(out->write_image(OIIO::TypeFloat, grey.data()));
+        ASSERT_TRUE(out->close());
+        const auto file = ImageFile::open(path);
+        const ImageReader reader(file, find(*file, "", "RGB"));
+        ImageBuffer pixels(reader.desc().data, 3);
+        reader.read(pixels.view());
+        EXPECT_NEAR(pixels.view().at(2, 8, 6), 0.25f, 2e-3f) << name << " (8 bits in one)";
+    }
+}
+
+TEST(ImageReader, TruncatedAnywhereIsAnErrorNeverACrash)
+{
+    const TempFolder folder;
+    Part tiled{"t", {{"R"}, {"G"}}, 0, 0, 60, 90};
+    tiled.tile_width = tiled.tile_height = 16;
+    for (const std::vector<Part>& parts :
+         {std::vector<Part>{{"s", cycles_channels, 0, 0, 60, 90}, {"u", {{"R"}}, 0, 0, 60, 90}},
+          {tiled}}) {
+        write_exr(folder.file("whole.exr"), parts);
+        const std::vector<char> whole = bytes_of(folder.file("whole.exr"));
+        for (std::size_t keep = 0; keep < whole.size(); keep += 1 + whole.size() / 97) {
+            std::ofstream(folder.file("cut.exr"), std::ios::binary)
+                .write(whole.data(), static_cast<std::streamsize>(keep));
+            const std::string message = message_of([&] {
+                const auto file = ImageFile::open(folder.file("cut.exr"));
+                for (const PartInfo& part : file->parts()) {
+                    const ImageReader reader(file, find(*file, "", "any", part.name.c_str()));
+                    ImageBuffer pixels(reader.desc().data, reader.desc().channel_count());
+                    reader.read(pixels.view());
+                }
+            });
+            EXPECT_TRUE(contains(message, "cut.exr")) << keep << ": " << message;
+        }
+    }
+}
+
+// Headers with single bytes changed: an error or an image, never a crash or a huge allocation.
+TEST(ImageReader, DamagedHeaders)
+{
+    const TempFolder folder;
+    write_exr(folder.file("whole.exr"), {{"", {{"R"}, {"G"}}, 0, 0, 20, 20}});
+    const std::vector<char> whole = bytes_of(folder.file("whole.exr"));
+    std::size_t refused = 0;
+    for (std::size_t at = 0; at < std::min<std::size_t>(whole.size(), 420); ++at)
+        for (const char value : {at % 2 == 0 ? '\x7f' : '\xff'}) {
+            std::vector<char> bytes = whole;
+            bytes[at] = value;
+            std::ofstream(folder.file("bad.exr"), std::ios::binary)
+                .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+            refused += !message_of([&] {
+                            const auto file = ImageFile::open(folder.file("bad.exr"));
+                            const ImageReader reader(file, find(*file, ""));
+                            if (reader.desc().data.pixels() > 1'000'000) return;
+                            ImageBuffer pixels(reader.desc().data, reader.desc().channel_count());
+                            reader.read(pixels.view());
+                        }).empty();
+        }
+    EXPECT_GT(refused, 50u);
+}
+
+TEST(ImageReader, MissingFilesAndOtherThings)
+{
+    const TempFolder folder;
+    const auto open = [&](const std::string& name) {
+        return message_of([&] { ImageFile::open(folder.file(name)); });
+    };
+    EXPECT_TRUE(contains(open("none.exr"), "No such file"));
+    EXPECT_TRUE(contains(open("."), "folder"));
+    std::ofstream(folder.file("text.exr")) << "hello";
+    EXPECT_TRUE(contains(open("text.exr"), "not an image"));
+    std::ofstream(folder.file("empty.exr"));
+    EXPECT_TRUE(contains(open("empty.exr"), "not an image"));
+}
+
+TEST(ImageReader, FileReplacedBetweenPlanAndRead)
+{
+    const TempFolder folder;
+    write_exr(folder.file("a.exr"), {{"", {{"R"}}}});
+    const auto file = ImageFile::open(folder.file("a.exr"));
+    const ImageReader reader(file, find(*file, ""));
+    write_exr(folder.file("a.exr"), {{"", {{"R"}}, 0, 0, 5, 5}});
+    ImageBuffer pixels(reader.desc().data, 1);
+    EXPECT_TRUE(contains(message_of([&] { reader.read(pixels.view()); }), "changed"));
+}
+
+TEST(ImageReader, DeepRows)
+{
+    const TempFolder folder;
+    for (const int tile : {0, 16}) {
+        OIIO::ImageSpec spec(21, 35, 3, OIIO::TypeFloat);
+        spec.channelnames = {"A", "Z", "id"};
+        spec.channelformats = {OIIO::TypeHalf, OIIO::TypeFloat, OIIO::TypeUInt32};
+        spec.x = -4;
+        spec.y = -9;
+        spec.deep = true;
+        spec.tile_width = spec.tile_height = tile;
+        OIIO::DeepData deep(spec);
+        for (int p = 0; p < 21 * 35; ++p) {
+            deep.set_samples(p, p % 4);
+            for (int s = 0; s < p % 4; ++s) {
+                deep.set_deep_value(p, 0, s, 0.5f);
+                deep.set_deep_value(p, 1, s, static_cast<float>(p) + 0.25f * static_cast<float>(s));
+                deep.set_deep_value(p, 2, s, static_cast<std::uint32_t>(p * 10 + s));
+            }
+        }
+        const std::string path = folder.file("deep.exr");
+        auto out = OIIO::ImageOutput::create(path);
+        ASSERT_TRUE(out && out->open(path, spec)) << out->geterror();
+        ASSERT_TRUE(out->write_deep_image(deep)) << out->geterror();
+        ASSERT_TRUE(out->close());
+        const auto file = ImageFile::open(path);
+        ASSERT_TRUE(file->parts()[0].deep);
+        const ImageReader reader(file, file->narrow(file->select(""), "Z,id"));
+        for (const int y : {-9, 25, 3, 4}) {
+            const DeepRow row = reader.read_deep_row(y);
+            for (int i = 0; i < 21; ++i) {
+                const int p = (y + 9) * 21 + i;
+                ASSERT_EQ(row.pixel(0, i).size(), static_cast<std::size_t>(p % 4));
+                for (int s = 0; s < p % 4; ++s) {
+                    EXPECT_EQ(row.pixel(0, i)[static_cast<std::size_t>(s)],
+                              static_cast<float>(p) + 0.25f * static_cast<float>(s));
+                    EXPECT_EQ(row.pixel(1, i)[static_cast<std::size_t>(s)],
+                              static_cast<float>(p * 10 + s));
+                }
+            }
+        }
+        ImageBuffer flat(reader.desc().data, 2);
+        EXPECT_TRUE(contains(message_of([&] { reader.read(flat.view()); }), "deep"));
+        EXPECT_THROW(reader.read_deep_row(26), InputError);
+    }
+}
+
+TEST(ImageReader, ContentKeyFollowsTheBytes)
+{
+    const TempFolder folder;
+    std::ofstream(folder.file("a")) << "one";
+    std::ofstream(folder.file("b")) << "one";
+    std::ofstream(folder.file("c")) << "two";
+    EXPECT_EQ(file_content_key(folder.file("a"), true), file_content_key(folder.file("b"), true));
+    EXPECT_NE(file_content_key(folder.file("a"), true), file_content_key(folder.file("c"), true));
+    EXPECT_NE(file_content_key(folder.file("a"), false), file_content_key(folder.file("b"), false));
+    EXPECT_THROW(file_content_key(folder.file("d"), true), InputError);
+}
+
+} // namespace
+} // namespace rayloom
