@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/core/registry.h"
 #include "rayloom/image/exr_reader.h"
+#include "rayloom/image/renderer_map.h"
 
 namespace rayloom
 {
@@ -14,6 +15,7 @@ public:
         std::string path;
         std::string layer;
         std::string part;
+        std::string role;
         std::string channels = "any";
     };
 
@@ -38,6 +40,9 @@ public:
         d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");
         d.param("part", &Params::part,
                 "name or number of the part to look in, where layers of several share a name");
+        d.param("role", &Params::role,
+                "what the layer is to the renderer ('beauty', 'albedo', …), where no layer is "
+                "named; the renderer maps say which layer that is");
         d.param("channels", &Params::channels,
                 "'any', 'RGB' (the three colour channels, and alpha where there is one), or a "
                 "comma list of names in the order wanted");
@@ -48,7 +53,8 @@ public:
     void plan(PlanContext& context) override
     {
         const auto file = ImageFile::open(m.path);
-        const ChannelSelection selection = file->narrow(file->select(m.layer, m.part), m.channels);
+        const ChannelSelection selection =
+            choose_channels(*file, {m.layer, m.part, m.role, m.channels});
         m_reader.emplace(file, selection);
         const PartInfo& part = m_reader->part();
         if (part.deep)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/core/registry.h"
 #include "rayloom/image/exr_reader.h"
+#include "rayloom/image/renderer_map.h"
 
 namespace rayloom
 {
@@ -14,6 +15,7 @@ public:
         std::string path;
         std::string layer;
         std::string part;
+        std::string role;
         std::string channels = "any";
     };
 
@@ -26,11 +28,14 @@ public:
                 "Layers and channels are addressed as in io.read.\n\n"
                 "Errors: a file that is missing, truncated or no image, a layer or channel it does "
                 "not have, a part that is not deep.");
-        d.output("image", "deep samples of the selected channels").deep();
+        d.output("deep", "deep samples of the selected channels").deep();
         d.param("path", &Params::path, "deep image file, scanline or tiled EXR").required();
         d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");
         d.param("part", &Params::part,
                 "name or number of the part to look in, where layers of several share a name");
+        d.param("role", &Params::role,
+                "what the layer is to the renderer ('beauty', 'albedo', …), where no layer is "
+                "named; the renderer maps say which layer that is");
         d.param("channels", &Params::channels,
                 "'any', 'RGB' (the three colour channels, and alpha where there is one), or a "
                 "comma list of names in the order wanted");
@@ -41,11 +46,12 @@ public:
     void plan(PlanContext& context) override
     {
         const auto file = ImageFile::open(m.path);
-        const ChannelSelection selection = file->narrow(file->select(m.layer, m.part), m.channels);
+        const ChannelSelection selection =
+            choose_channels(*file, {m.layer, m.part, m.role, m.channels});
         m_reader.emplace(file, selection);
         if (!m_reader->part().deep)
             throw NodeError(m.path + ": the image is flat, not deep; read it with io.read");
-        context.output("image", m_reader->desc());
+        context.output("deep", m_reader->desc());
         context.access(Access::rows, m_reader->part().chunk_rows);
         context.cheap();
     }

@@ -2,6 +2,7 @@
 #include "rayloom/core/registry.h"
 #include "rayloom/core/text.h"
 #include "rayloom/image/exr_reader.h"
+#include "rayloom/image/renderer_map.h"
 
 #include <algorithm>
 #include <numeric>
@@ -21,6 +22,7 @@ public:
         std::vector<std::string> paths;
         std::string layer;
         std::string part;
+        std::string role;
         std::string channels = "any";
     };
 
@@ -39,6 +41,9 @@ public:
         d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");
         d.param("part", &Params::part,
                 "name or number of the part to look in, where layers of several share a name");
+        d.param("role", &Params::role,
+                "what the layer is to the renderer ('beauty', 'albedo', …), where no layer is "
+                "named; the renderer maps say which layer that is");
         d.param("channels", &Params::channels,
                 "'any', 'RGB' (the three colour channels, and alpha where there is one), or a "
                 "comma list of names in the order wanted");
@@ -55,7 +60,8 @@ public:
         std::size_t scratch = 0;
         for (const std::string& path : m.paths) {
             const auto file = ImageFile::open(path);
-            m_readers.emplace_back(file, file->narrow(file->select(m.layer, m.part), m.channels));
+            m_readers.emplace_back(file,
+                                   choose_channels(*file, {m.layer, m.part, m.role, m.channels}));
             const ImageReader& reader = m_readers.back();
             if (reader.part().deep)
                 throw NodeError(path + ": is deep; a stack is made of flat images");
