@@ -35,6 +35,14 @@ public:
                 "layers.\n\n"
                 "Errors: a file that is missing, truncated or no image, a layer or channel it does "
                 "not have (the message lists what there is), a deep part.");
+        d.example(R"(rayloom: 1
+name: read-example
+doc: Takes one layer of a render.
+nodes:
+  beauty: {op: io.read, path: render.exr, layer: Combined, channels: RGB}
+outputs:
+  image: beauty
+)");
         d.output("image", "pixels of the selected channels");
         d.param("path", &Params::path, "image file; any format OpenImageIO reads").required();
         d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");

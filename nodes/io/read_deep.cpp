@@ -28,6 +28,14 @@ public:
                 "Layers and channels are addressed as in io.read.\n\n"
                 "Errors: a file that is missing, truncated or no image, a layer or channel it does "
                 "not have, a part that is not deep.");
+        d.example(R"(rayloom: 1
+name: read-deep-example
+doc: Takes the deep samples of a render.
+nodes:
+  samples: {op: io.read_deep, path: deep.exr, channels: RGB}
+outputs:
+  deep: samples
+)");
         d.output("deep", "deep samples of the selected channels").deep();
         d.param("path", &Params::path, "deep image file, scanline or tiled EXR").required();
         d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");

@@ -36,6 +36,14 @@ public:
                  "channels; an error names the two files that differ. Layers and channels are "
                  "addressed as in io.read.\n\n"
                  "Errors: those of io.read, for any of the files; an empty list.");
+        d.example(R"(rayloom: 1
+name: stack-example
+doc: Takes one layer of several renders of the same picture.
+nodes:
+  renders: {op: io.stack, paths: [s1.exr, s2.exr], layer: Combined, channels: RGB}
+outputs:
+  images: renders
+)");
         d.output("stack", "one image per file, in the order of the list").list();
         d.param("paths", &Params::paths, "image files").required();
         d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");

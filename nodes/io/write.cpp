@@ -35,6 +35,16 @@ public:
                  "hold the linear values, clipped to 0..1 (convert for display first).\n\n"
                  "Errors: a folder that is missing or cannot be written to, a full disk, a format "
                  "nobody knows, a template without room for the image.");
+        d.example(R"(rayloom: 1
+name: write-example
+doc: Puts an image in the place of a layer of a render and keeps all its other layers.
+inputs:
+  image: {doc: linear radiance}
+nodes:
+  file: {op: io.write, image: image, path: out.exr, template: render.exr, layer: Combined}
+outputs:
+  image: image
+)");
         d.input("image", "the pixels to write");
         d.param("path", &Params::path, "file to write; its ending says the format").required();
         d.param("layer", &Params::layer,
