@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// \file
 /// The whole method, node by node, on real renders.
+#include "rayloom/engine/run.h"
+#include "rayloom/graph/reader.h"
 #include "tests/support/render_data.h"
 
 #include <gtest/gtest.h>
@@ -180,6 +182,58 @@ TEST(RayHistogramFusion, CornellStackGetsNineTimesBetter)
     // The order of the frames does not matter beyond rounding.
     std::reverse(order.begin(), order.end());
     EXPECT_GE(psnr(from_stack(order, {}), fused, false), 85.0);
+}
+
+/// The graph files do what the nodes do one by one, with their own defaults and with parameters.
+TEST(RayHistogramFusion, GraphsAreTheNodesInOrder)
+{
+    const std::filesystem::path source = RAYLOOM_SOURCE_DIR;
+    const auto stack = test::read_stack(source / "tests/data/cycles/dof", 8);
+    const auto memory = [](const TestImage& image) {
+        auto copy = std::make_shared<MemoryImage>();
+        copy->desc = image.desc;
+        copy->pixels = ImageBuffer(image.desc.data, image.desc.channel_count());
+        copy_pixels(image.view(), copy->pixels.view());
+        return copy;
+    };
+    const auto same = [](const RunReport& report, const TestImage& expected) {
+        const ConstImageView image = report.images.at("image").at(0).pixels.view();
+        const Region& r = expected.desc.data;
+        double largest = 0.0;
+        for (int c = 0; c < 3; ++c)
+            for (int y = r.y0; y < r.y1; ++y)
+                for (int x = r.x0; x < r.x1; ++x)
+                    largest = std::max<double>(
+                        largest, std::abs(image.at(c, x, y) - expected.view().at(c, x, y)));
+        return largest;
+    };
+    RunRequest request;
+    request.inputs["stack"].is_list = true;
+    for (const TestImage& image : stack) request.inputs["stack"].images.push_back(memory(image));
+    const Graph from_stack_graph =
+        read_graph((source / "graphs/ray-histogram-fusion-stack.yaml").string());
+    Settings settings;
+    settings.kappa = {1.0, 0.3};
+    // The totals that scale the coarse histograms are added in another order.
+    const RunReport by_default = run_graph(from_stack_graph, request);
+    EXPECT_LE(same(by_default, from_stack(pointers(stack), settings)), 1e-5);
+    request.params["kappa"] = std::vector<double>{0.8};
+    request.params["scales"] = std::int64_t{3};
+    settings.kappa = {0.8};
+    settings.scales = 3;
+    EXPECT_LE(same(run_graph(from_stack_graph, request), from_stack(pointers(stack), settings)),
+              1e-5);
+
+    RunRequest pair;
+    pair.inputs["color"].images = {
+        memory(run_node("transform.statistics", {}, {{"stack", pointers(stack)}}).image("mean"))};
+    pair.inputs["histogram"].images = {memory(
+        run_node("transform.histogram", {}, {{"stack", pointers(stack)}}).image("histogram"))};
+    const RunReport from_pair =
+        run_graph(read_graph((source / "graphs/ray-histogram-fusion.yaml").string()), pair);
+    settings = {};
+    settings.kappa = {1.0, 0.3};
+    EXPECT_LE(same(from_pair, from_stack(pointers(stack), settings)), 1e-5);
 }
 
 } // namespace
