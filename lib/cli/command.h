@@ -19,5 +19,7 @@ void add_run(CLI::App& app, Action& action);
 void add_plan(CLI::App& app, Action& action);
 void add_graph_commands(CLI::App& app, Action& action); ///< check, picture
 void add_node_commands(CLI::App& app, Action& action);  ///< nodes, help, docs, schema
+void add_info(CLI::App& app, Action& action);
+void add_compare(CLI::App& app, Action& action);
 
 } // namespace rayloom::cli

@@ -59,6 +59,8 @@ int main(int argc, char** argv)
     rayloom::cli::add_plan(app, action);
     rayloom::cli::add_graph_commands(app, action);
     rayloom::cli::add_node_commands(app, action);
+    rayloom::cli::add_info(app, action);
+    rayloom::cli::add_compare(app, action);
 
     try {
         app.parse(argc, argv);

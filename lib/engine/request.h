@@ -51,7 +51,7 @@ struct InputBinding {
 /// Where a graph output goes. Without a path the pixels are kept (RunReport::images).
 struct OutputBinding {
     std::string path;
-    ParamValue type = std::string(); ///< "half", "float", "uint8", …; empty: as the input had
+    std::string type;              ///< "half", "float", "uint8", …; empty: as the input had
     std::string compression;         ///< empty: as the input had
     std::string layer;               ///< written as `layer.channel`; empty: plain names
     std::string pass_through_from;   ///< file whose other layers are written too, bit for bit

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+// The command as its users meet it: real files in, real files out, messages and exit codes.
+#include "rayloom/engine/load_image.h"
+#include "tests/support/command.h"
+#include "tests/support/engine_nodes_for_tests.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
+
+#include <csignal>
+#include <fstream>
+#include <sys/wait.h>
+#include <thread>
+#include <unistd.h>
+
+namespace rayloom::test
+{
+namespace
+{
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+const fs::path source = RAYLOOM_SOURCE_DIR;
+const fs::path scene = source / "tests/data/cycles/interior";
+
+std::string stack_input(const fs::path& folder = scene)
+{
+    return "stack=" + (folder / "stack/s%02d.exr").string() + "@1-8:Combined";
+}
+
+const char* const rhf = "ray-histogram-fusion-stack.yaml";
+
+class Command : public ::testing::Test
+{
+protected:
+    fs::path file(const std::string& name) const { return m_folder.path() / name; }
+    fs::path write(const std::string& name, const std::string& text) const
+    {
+        std::ofstream(file(name)) << text;
+        return file(name);
+    }
+    CommandResult run(std::vector<std::string> arguments,
+                      const std::vector<std::string>& environment = {}) const
+    {
+        return rayloom(std::move(arguments), m_folder.path(), environment);
+    }
+    std::vector<std::string> names() const { return m_folder.names(); }
+
+private:
+    TemporaryFolder m_folder;
+};
+
+TEST_F(Command, DenoisesAStackAndSaysWhatItDid)
+{
+    const CommandResult r =
+        run({"run", rhf, "-i", stack_input(), "-o", "image=out.exr", "--stats=json"});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_THAT(names(), ElementsAre("out.exr"));
+    EXPECT_THAT(r.err, HasSubstr("wrote out.exr"));
+    const YAML::Node stats = YAML::Load(r.out); // JSON is YAML
+    EXPECT_GT(stats["seconds"].as<double>(), 0.0);
+    EXPECT_EQ(stats["written"][0].as<std::string>(), "out.exr");
+    const CommandResult c =
+        run({"compare", "out.exr", (scene / "stack/s01.exr").string() + ":Combined", "--ref",
+             (scene / "ref.exr").string(), "--json", "--no-flip"});
+    ASSERT_EQ(c.exit_code, 0) << c.err;
+    const YAML::Node errors = YAML::Load(c.out);
+    EXPECT_GT(errors["equal_error_sample_factor"].as<double>(), 10.0);
+}
+
+TEST_F(Command, TheSameBytesHoweverItIsRun)
+{
+    ASSERT_EQ(run({"run", rhf, "-i", stack_input(), "-o", "image=a.exr"}).exit_code, 0);
+    const MemoryImage expected = load_image(file("a.exr").string());
+    const std::vector<std::vector<std::string>> ways{{"--threads", "1"},   {"--tile", "23"},
+                                                     {"--no-skip"},        {"--memory", "6M"},
+                                                     {"--cache", "cache"}, {"--cache", "cache"}};
+    for (const auto& way : ways) {
+        std::vector<std::string> arguments{"run", rhf, "-i", stack_input(), "-o", "image=b.exr"};
+        arguments.insert(arguments.end(), way.begin(), way.end());
+        const CommandResult r = run(arguments);
+        ASSERT_EQ(r.exit_code, 0) << way[0] << ": " << r.err;
+        EXPECT_TRUE(same_bits(load_image(file("b.exr").string()), expected)) << way[0];
+    }
+    for (const char* target : {"AVX3", "AVX2", "SSE4", "SSSE3"}) {
+        const CommandResult r =
+            run({"--simd", target, "run", rhf, "-i", stack_input(), "-o", "image=c.exr"});
+        if (r.exit_code == 2 && r.err.find("no SIMD target") != std::string::npos) continue;
+        ASSERT_EQ(r.exit_code, 0) << r.err;
+        EXPECT_TRUE(same_bits(load_image(file("c.exr").string()), expected)) << target;
+    }
+}
+
+TEST_F(Command, MistakesAreNamedAndNothingIsWritten)
+{
+    const auto expect = [&](const std::vector<std::string>& arguments, int code,
+                            const std::string& message) {
+        const CommandResult r = run(arguments);
+        EXPECT_EQ(r.exit_code, code) << r.err;
+        EXPECT_THAT(r.err, HasSubstr(message));
+        EXPECT_THAT(names(), Not(::testing::Contains(HasSubstr("out")))) << message;
+    };
+    expect({"run", rhf, "-i", stack_input(), "-o", "image=out.exr", "-p", "kapa=1"}, 2,
+           "did you mean 'kappa'?");
+    expect({"run", rhf, "-i", stack_input(), "-o", "image=out.exr", "-p", "kappa=-1"}, 2,
+           "parameter 'kappa' must be at least 0, not -1");
+    expect({"run", rhf, "-i", stack_input()}, 2, "did you forget -o? The graph makes 'image'");
+    expect({"run", rhf, "-o", "image=out.exr"}, 2, "needs input 'stack'");
+    expect({"run", "ray-histogram-fusio.yaml", "-o", "image=out.exr"}, 3, "ray-histogram-fusio");
+    expect({"run", rhf, "-i", "stack=nothing%02d.exr@1-4", "-o", "image=out.exr"}, 3,
+           "nothing01.exr");
+    expect({"run", rhf, "-i", stack_input() + "x", "-o", "image=out.exr"}, 3, "Combined");
+    expect({"run", rhf, "-i", stack_input(), "-o", "image=missing/out.exr"}, 4, "missing");
+    expect({"run", rhf, "-i", stack_input(), "-o", "image=out.exr", "--memory", "10k"}, 5,
+           "the budget is 10.0 kB");
+    expect({"run", rhf, "-i", stack_input(), "-o", "image=out.exr", "--frames", "1:10"}, 2, "1:10");
+    expect({"run", rhf, "-i", stack_input(), "-o", "image=out.exr", "--frames", "1-3"}, 2,
+           "give output 'image' a place for the frame");
+    expect({"run", rhf, "-i", stack_input(), "-o", "image=out.exr", "--roi", "1,2,3"}, 2,
+           "x,y,width,height");
+    expect({"run", rhf, "--wrong"}, 2, "--wrong");
+    expect({"nosuchcommand"}, 2, "");
+    expect({"help", "fuse.histgram"}, 2, "did you mean 'fuse.histogram'?");
+}
+
+TEST_F(Command, AnErrorRepeatsTheCommandLine)
+{
+    const CommandResult r = run({"run", rhf, "-i", "stack=a b.exr", "-o", "image=out.exr"});
+    EXPECT_THAT(
+        r.err,
+        HasSubstr("run ray-histogram-fusion-stack.yaml -i 'stack=a b.exr' -o image=out.exr"));
+}
+
+TEST_F(Command, FramesRunOneByOne)
+{
+    const fs::path graph =
+        write("copy.yaml", "rayloom: 1\nname: copy\ninputs: {color: {channels: RGB}}\n"
+                           "nodes: {twice: {op: transform.statistics, stack: [color, color]}}\n"
+                           "outputs: {image: twice.mean}\n");
+    for (int i = 1; i <= 3; ++i)
+        fs::copy(scene / ("stack/s0" + std::to_string(i) + ".exr"),
+                 file("shot.000" + std::to_string(i) + ".exr"));
+    CommandResult r = run({"run", graph.string(), "-i", "color=shot.%04d.exr:Combined", "-o",
+                           "image=out.####.exr", "--frames", "1-3"});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    for (int i = 1; i <= 3; ++i)
+        EXPECT_TRUE(fs::exists(file("out.000" + std::to_string(i) + ".exr"))) << i;
+    // Up to date: nothing is made again; a missing frame alone is.
+    fs::remove(file("out.0002.exr"));
+    r = run({"run", graph.string(), "-i", "color=shot.%04d.exr:Combined", "-o",
+             "image=out.####.exr", "--frames", "1-3", "-u"});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_THAT(r.err, HasSubstr("frame 1: up to date"));
+    EXPECT_THAT(r.err, HasSubstr("wrote out.0002.exr"));
+    // A bad frame ends the run, or with --keep-going only itself.
+    write("shot.0002.exr", "no image");
+    r = run({"run", graph.string(), "-i", "color=shot.%04d.exr:Combined", "-o",
+             "image=new.%04d.exr", "--frames", "1-3", "--keep-going"});
+    EXPECT_EQ(r.exit_code, 3);
+    EXPECT_THAT(r.err, HasSubstr("frame 2"));
+    EXPECT_TRUE(fs::exists(file("new.0003.exr")));
+    EXPECT_FALSE(fs::exists(file("new.0002.exr")));
+}
+
+TEST_F(Command, CtrlCStopsWithinASecondAndLeavesNothing)
+{
+    // Large enough to run for many seconds.
+    const fs::path graph = write(
+        "slow.yaml", "rayloom: 1\nname: slow\ninputs: {color: {channels: RGB}}\nnodes:\n"
+                     "  stats: {op: transform.statistics, stack: [color, color, color]}\n"
+                     "  hist: {op: transform.histogram, stack: [color, color, color]}\n"
+                     "  a: {op: fuse.histogram, image: stats.mean, histogram: hist, window: 61}\n"
+                     "  b: {op: fuse.histogram, image: a, histogram: hist, window: 61}\n"
+                     "outputs: {image: b}\n");
+    const std::string program = std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom";
+    const std::string input = "color=" + (source / "tests/data/cycles/cornell/ref.exr").string();
+    const std::string folder = file("").parent_path().string();
+    const pid_t child = ::fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+        if (::chdir(folder.c_str()) != 0) ::_exit(126);
+        ::execl(program.c_str(), program.c_str(), "run", graph.c_str(), "-i", input.c_str(), "-o",
+                "image=out.exr", "-q", nullptr);
+        ::_exit(127);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(700));
+    ASSERT_EQ(::waitpid(child, nullptr, WNOHANG), 0) << "the run ended before it could be stopped";
+    const auto asked = std::chrono::steady_clock::now();
+    ::kill(child, SIGINT);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    const double waited =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - asked).count();
+    ASSERT_TRUE(WIFEXITED(status));
+    EXPECT_EQ(WEXITSTATUS(status), 130);
+    EXPECT_LT(waited, 1.0);
+    EXPECT_THAT(names(), ElementsAre("slow.yaml"));
+}
+
+TEST_F(Command, PlanShowsWhatWouldRunAndRunsNothing)
+{
+    const CommandResult r =
+        run({"plan", rhf, "-i", stack_input(), "-p", "scales=2", "-o", "image=out.exr"});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    EXPECT_THAT(r.out, HasSubstr("fuse.histogram"));
+    EXPECT_THAT(r.out, HasSubstr("sums over the image first"));
+    EXPECT_THAT(r.out, HasSubstr("of pixels in memory"));
+    EXPECT_THAT(names(), IsEmpty());
+}
+
+TEST_F(Command, ExplainsNodesAndGraphs)
+{
+    EXPECT_THAT(run({"nodes"}).out, HasSubstr("fuse.histogram"));
+    EXPECT_THAT(run({"help", "fuse.histogram"}).out, HasSubstr("kappa: float at least 0"));
+    EXPECT_THAT(run({"--version"}).out, HasSubstr("OpenImageIO 2."));
+    EXPECT_EQ(YAML::Load(run({"schema"}).out)["type"].as<std::string>(), "object");
+    const CommandResult docs = run({"docs", "--out", "pages"});
+    EXPECT_EQ(docs.exit_code, 0) << docs.err;
+    EXPECT_TRUE(fs::exists(file("pages/fuse.histogram.md")));
+    EXPECT_TRUE(fs::exists(file("pages/README.md")));
+    EXPECT_THAT(run({"picture", rhf}).out, HasSubstr("digraph"));
+    EXPECT_EQ(run({"picture", rhf, "-o", "graph.svg"}).exit_code, 0);
+    EXPECT_TRUE(fs::exists(file("graph.svg")));
+    EXPECT_THAT(run({"check", rhf}).out, HasSubstr("no mistake found"));
+    const CommandResult info = run({"info", (scene / "noisy_16.exr").string()});
+    EXPECT_EQ(info.exit_code, 0) << info.err;
+    EXPECT_THAT(info.out, HasSubstr("ViewLayer.DiffInd"));
+}
+
+TEST_F(Command, CheckReportsEveryMistakeAtItsPlace)
+{
+    const fs::path graph =
+        write("bad.yaml", "rayloom: 1\nname: bad\ninputs: {stack: {kind: list}}\nnodes:\n"
+                          "  h: {op: transform.histogram, stack: stak}\n"
+                          "  f: {op: fuse.histogram, image: h, histogram: h, kapa: 2}\n"
+                          "outputs: {image: f}\n");
+    const CommandResult r = run({"check", "bad.yaml"});
+    EXPECT_EQ(r.exit_code, 2);
+    EXPECT_THAT(r.err, HasSubstr("bad.yaml:5:39: "));
+    EXPECT_THAT(r.err, HasSubstr("did you mean 'stack'?"));
+    EXPECT_THAT(
+        r.err,
+        HasSubstr(
+            "bad.yaml:6:54: node 'f' (fuse.histogram): parameter 'kapa' is not known; did you mean "
+            "'kappa'?"));
+}
+
+TEST_F(Command, CompareServesAsARegressionTest)
+{
+    const std::string ref = (scene / "ref.exr").string(),
+                      noisy = (scene / "stack/s01.exr").string() + ":Combined";
+    EXPECT_EQ(run({"compare", ref, ref, "--fail", "relmse=1e-9", "--fail", "psnr=100"}).exit_code,
+              0);
+    const CommandResult r =
+        run({"compare", noisy, ref, "--fail", "relmse=0.001", "--map", "map.png"});
+    EXPECT_EQ(r.exit_code, 1);
+    EXPECT_THAT(r.err, HasSubstr("relmse"));
+    EXPECT_THAT(names(), ElementsAre("map.png"));
+    EXPECT_EQ(run({"compare", noisy, ref, "--fail", "relmze=1"}).exit_code, 2);
+    EXPECT_EQ(
+        run({"compare", noisy, (source / "tests/data/cycles/cornell/ref.exr").string()}).exit_code,
+        3);
+}
+
+} // namespace
+} // namespace rayloom::test

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/support/command.h"
+
+#include <fcntl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+namespace rayloom::test
+{
+
+namespace fs = std::filesystem;
+
+namespace
+{
+std::string text_of(const fs::path& file)
+{
+    std::ifstream in(file, std::ios::binary);
+    std::ostringstream text;
+    text << in.rdbuf();
+    return text.str();
+}
+} // namespace
+
+TemporaryFolder::TemporaryFolder()
+{
+    std::string name = (fs::temp_directory_path() / "rayloom-test-XXXXXX").string();
+    if (!::mkdtemp(name.data())) throw std::runtime_error("no temporary folder");
+    m_path = name;
+}
+
+TemporaryFolder::~TemporaryFolder()
+{
+    std::error_code ignored;
+    fs::remove_all(m_path, ignored);
+}
+
+std::vector<std::string> TemporaryFolder::names() const
+{
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(m_path))
+        names.push_back(entry.path().filename().string());
+    std::ranges::sort(names);
+    return names;
+}
+
+CommandResult run_command(const std::vector<std::string>& arguments, const fs::path& folder,
+                          const std::vector<std::string>& environment)
+{
+    const TemporaryFolder capture;
+    const std::string out = (capture.path() / "out").string(),
+                      err = (capture.path() / "err").string();
+    std::vector<char*> argv;
+    for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
+    argv.push_back(nullptr);
+    const pid_t child = ::fork();
+    if (child < 0) throw std::runtime_error("fork failed");
+    if (child == 0) {
+        for (const std::string& pair : environment) ::putenv(const_cast<char*>(pair.c_str()));
+        const int in_fd = ::open("/dev/null", O_RDONLY);
+        const int out_fd = ::open(out.c_str(), O_WRONLY | O_CREAT, 0600);
+        const int err_fd = ::open(err.c_str(), O_WRONLY | O_CREAT, 0600);
+        if (::chdir(folder.c_str()) != 0 || in_fd < 0 || out_fd < 0 || err_fd < 0) ::_exit(126);
+        ::dup2(in_fd, 0);
+        ::dup2(out_fd, 1);
+        ::dup2(err_fd, 2);
+        ::execvp(argv[0], argv.data());
+        ::_exit(127);
+    }
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    CommandResult result;
+    result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    result.out = text_of(out);
+    result.err = text_of(err);
+    return result;
+}
+
+CommandResult rayloom(std::vector<std::string> arguments, const fs::path& folder,
+                      const std::vector<std::string>& environment)
+{
+    arguments.insert(arguments.begin(), std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom");
+    return run_command(arguments, folder, environment);
+}
+
+} // namespace rayloom::test

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+/// \file
+/// Running programs from tests.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace rayloom::test
+{
+
+struct CommandResult {
+    int exit_code = -1; ///< 128 + signal when a signal ended it
+    std::string out, err;
+};
+
+/// Runs a program with arguments (no shell in between) in `folder`, waits, and gives what it
+/// printed. `environment` holds NAME=value pairs that are added.
+CommandResult run_command(const std::vector<std::string>& arguments,
+                          const std::filesystem::path& folder,
+                          const std::vector<std::string>& environment = {});
+
+/// The built `rayloom` with these arguments.
+CommandResult rayloom(std::vector<std::string> arguments, const std::filesystem::path& folder,
+                      const std::vector<std::string>& environment = {});
+
+/// A folder that is empty at first and gone at the end.
+class TemporaryFolder
+{
+public:
+    TemporaryFolder();
+    ~TemporaryFolder();
+    TemporaryFolder(const TemporaryFolder&) = delete;
+    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+    const std::filesystem::path& path() const { return m_path; }
+    /// Names of everything in it, sorted.
+    std::vector<std::string> names() const;
+
+private:
+    std::filesystem::path m_path;
+};
+
+} // namespace rayloom::test
