@@ -78,7 +78,7 @@ TEST_F(Command, TheSameBytesHoweverItIsRun)
     ASSERT_EQ(run({"run", rhf, "-i", stack_input(), "-o", "image=a.exr"}).exit_code, 0);
     const MemoryImage expected = load_image(file("a.exr").string());
     const std::vector<std::vector<std::string>> ways{{"--threads", "1"},   {"--tile", "23"},
-                                                     {"--no-skip"},        {"--memory", "6M"},
+                                                     {"--no-skip"},        {"--memory", "8M"},
                                                      {"--cache", "cache"}, {"--cache", "cache"}};
     for (const auto& way : ways) {
         std::vector<std::string> arguments{"run", rhf, "-i", stack_input(), "-o", "image=b.exr"};
@@ -246,7 +246,7 @@ TEST_F(Command, CheckReportsEveryMistakeAtItsPlace)
     EXPECT_THAT(
         r.err,
         HasSubstr(
-            "bad.yaml:6:54: node 'f' (fuse.histogram): parameter 'kapa' is not known; did you mean "
+            "bad.yaml:6:51: node 'f' (fuse.histogram): parameter 'kapa' is not known; did you mean "
             "'kappa'?"));
 }
 
