@@ -119,7 +119,12 @@ TEST_P(EveryNode, ExampleGivesTheSamePixelsHoweverItIsRun)
 {
     const NodeInfo& node = *Registry::instance().find(GetParam());
     ASSERT_FALSE(node.example.empty()) << node.name << " has no example";
-    const Graph graph = parse_graph(node.example, node.name);
+    std::string text = node.example;
+    const std::string config = "config: config.ocio";
+    if (const std::size_t at = text.find(config); at != std::string::npos)
+        text.replace(at, config.size(),
+                     "config: " RAYLOOM_SOURCE_DIR "/tests/data/ocio/config.ocio");
+    const Graph graph = parse_graph(text, node.name);
     EXPECT_TRUE(std::ranges::any_of(graph.nodes, [&](const GraphNode& n) {
         return n.op == node.name;
     })) << "the example does not use the node";

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/oiio/imagebuf_bridge.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace rayloom::oiio
+{
+
+OIIO::ROI roi_of(const Region& region, int channels)
+{
+    return {region.x0, region.x1, region.y0, region.y1, 0, 1, 0, channels};
+}
+
+OIIO::ImageBuf empty_imagebuf(const ImageDesc& image, const Region& part)
+{
+    OIIO::ImageSpec spec(part.width(), part.height(), image.channel_count(), OIIO::TypeDesc::FLOAT);
+    spec.x = part.x0;
+    spec.y = part.y0;
+    spec.full_x = image.display.x0;
+    spec.full_y = image.display.y0;
+    spec.full_width = image.display.width();
+    spec.full_height = image.display.height();
+    spec.channelnames = image.channels;
+    spec.alpha_channel = image.alpha();
+    spec.z_channel = image.channel("Z");
+    return OIIO::ImageBuf(spec, OIIO::InitializePixels::No);
+}
+
+OIIO::ImageBuf to_imagebuf(const ConstImageView& view, const ImageDesc& image)
+{
+    OIIO::ImageBuf buffer = empty_imagebuf(image, view.region());
+    const Region& region = view.region();
+    const auto channels = static_cast<std::ptrdiff_t>(view.channels());
+    const std::ptrdiff_t width = region.width();
+    auto* pixels = static_cast<float*>(buffer.localpixels());
+    for (int y = region.y0; y < region.y1; ++y, pixels += channels * width)
+        for (int c = 0; c < view.channels(); ++c) {
+            const float* from = view.row(c, y);
+            float* to = pixels + c;
+            for (std::ptrdiff_t x = 0; x < width; ++x) to[x * channels] = from[x];
+        }
+    return buffer;
+}
+
+void from_imagebuf(const OIIO::ImageBuf& buffer, const ImageView& out)
+{
+    if (buffer.has_error() || buffer.nchannels() != out.channels() ||
+        buffer.spec().format != OIIO::TypeDesc::FLOAT || !buffer.localpixels())
+        throw Error("OpenImageIO: " + (buffer.has_error()
+                                           ? buffer.geterror()
+                                           : std::string("the result is not what was asked for")));
+    const Region& region = out.region();
+    const auto channels = static_cast<std::ptrdiff_t>(out.channels());
+    const std::ptrdiff_t width = region.width();
+    for (int y = region.y0; y < region.y1; ++y) {
+        const auto* pixels = static_cast<const float*>(buffer.pixeladdr(region.x0, y));
+        for (int c = 0; c < out.channels(); ++c) {
+            const float* from = pixels + c;
+            float* to = out.row(c, y);
+            for (std::ptrdiff_t x = 0; x < width; ++x) to[x] = from[x * channels];
+        }
+    }
+}
+
+Compute on_imagebuf(ImageDesc input, ImageDesc output, OnImageBuf function)
+{
+    return [input = std::move(input), output = std::move(output),
+            function = std::move(function)](const TileContext& tile) {
+        const Region& region = tile.region();
+        const ConstImageView view = tile.input("image");
+        const ImageView out = tile.output("image");
+        tile.check_cancelled();
+        if (view.empty()) { // nothing of the image reaches here
+            for (int c = 0; c < out.channels(); ++c)
+                for (int y = region.y0; y < region.y1; ++y)
+                    std::ranges::fill(out.row_span(c, y), 0.0f);
+            return;
+        }
+        OIIO::ImageBuf result = empty_imagebuf(output, region);
+        const OIIO::ImageBuf image = to_imagebuf(view, input);
+        if (!function(result, image, roi_of(region, output.channel_count())))
+            throw Error("OpenImageIO: " + result.geterror());
+        from_imagebuf(result, out);
+    };
+}
+
+Compute on_channels(const ImageDesc& image, std::vector<int> channels, OnImageBuf function)
+{
+    std::vector<std::string> names;
+    for (const int c : channels) names.push_back(image.channels[static_cast<std::size_t>(c)]);
+    std::vector<int> others;
+    for (int c = 0; c < image.channel_count(); ++c)
+        if (std::ranges::find(channels, c) == channels.end()) others.push_back(c);
+    return [part = image.with_channels(names), channels = std::move(channels),
+            others = std::move(others), function = std::move(function)](const TileContext& tile) {
+        const Region& region = tile.region();
+        const ConstImageView view = tile.input("image").crop(region);
+        const ImageView out = tile.output("image");
+        const std::size_t row_bytes = static_cast<std::size_t>(region.width()) * sizeof(float);
+        tile.check_cancelled();
+        for (const int c : others)
+            for (int y = region.y0; y < region.y1; ++y)
+                std::memcpy(out.row(c, y), view.row(c, y), row_bytes);
+
+        ImageBuffer picked(region, part.channel_count());
+        for (int i = 0; i < part.channel_count(); ++i)
+            for (int y = region.y0; y < region.y1; ++y)
+                std::memcpy(picked.view().row(i, y),
+                            view.row(channels[static_cast<std::size_t>(i)], y), row_bytes);
+        OIIO::ImageBuf result = empty_imagebuf(part, region);
+        if (!function(result, to_imagebuf(picked.view(), part),
+                      roi_of(region, part.channel_count())))
+            throw Error("OpenImageIO: " + result.geterror());
+        from_imagebuf(result, picked.view());
+        for (int i = 0; i < part.channel_count(); ++i)
+            for (int y = region.y0; y < region.y1; ++y)
+                std::memcpy(out.row(channels[static_cast<std::size_t>(i)], y),
+                            picked.view().row(i, y), row_bytes);
+    };
+}
+
+Region with_clamped_border(const Region& region, const Region& display)
+{
+    if (region.empty() || display.empty()) return region;
+    const auto cx = [&](int x) { return std::clamp(x, display.x0, display.x1 - 1); };
+    const auto cy = [&](int y) { return std::clamp(y, display.y0, display.y1 - 1); };
+    return region.hull(
+        {cx(region.x0), cy(region.y0), cx(region.x1 - 1) + 1, cy(region.y1 - 1) + 1});
+}
+
+} // namespace rayloom::oiio
