@@ -5,6 +5,7 @@
 #include "rayloom/engine/cache.h"
 #include "rayloom/engine/engine_nodes.h"
 #include "rayloom/graph/expression.h"
+#include "rayloom/image/renderer_map.h"
 
 #include <OpenImageIO/hash.h>
 
@@ -102,6 +103,7 @@ private:
                 std::map<std::string, Value, std::less<>> arguments, const SourcePosition& where,
                 std::optional<Region> crop = {});
 
+    void describe_files(const Graph& graph);
     void prune();
     void choose_inlined();
     bool stream_black(int stream);
@@ -1137,6 +1139,75 @@ void Planner::choose_inlined()
     }
 }
 
+/// What an input's layer is for, by its role.
+const char* use_of(const std::string& role)
+{
+    for (const char* guide : {"albedo", "normal", "depth", "position", "object_id", "material_id",
+                              "cryptomatte", "motion", "flash"})
+        if (role == guide) return "used as guide";
+    for (const char* statistics : {"variance", "count", "histogram", "covariance"})
+        if (role == statistics) return "used as statistics";
+    return "filtered";
+}
+
+void Planner::describe_files(const Graph& graph)
+{
+    // A line per layer of every input file; a list is described by its first file.
+    std::set<std::string> handed_on;
+    for (const PlannedOutput& out : m_plan.outputs)
+        if (!out.binding.pass_through_from.empty()) handed_on.insert(out.binding.pass_through_from);
+    std::map<std::string, std::map<std::string, std::string>> uses; // file → layer → use
+    std::map<std::string, std::size_t> more;
+    std::vector<std::string> order;
+    for (const GraphInput& input : graph.inputs) {
+        const auto given = m_request.inputs.find(input.name);
+        if (given == m_request.inputs.end() || given->second.files.empty()) continue;
+        const InputFile& file = given->second.files.front();
+        if (!uses.contains(file.path)) order.push_back(file.path);
+        more[file.path] = given->second.files.size() - 1;
+        const auto opened = ImageFile::open(file.path);
+        ChannelRequest wanted;
+        wanted.layer = file.layer;
+        wanted.role = input.role;
+        wanted.channels = input.channels;
+        uses[file.path][choose_channels(*opened, wanted).layer] =
+            std::string(use_of(input.role)) + " (input '" + input.name + "')";
+    }
+    for (const std::string& path : handed_on)
+        if (uses.emplace(path, std::map<std::string, std::string>{}).second) order.push_back(path);
+    for (const std::string& path : order) {
+        const std::string rest = handed_on.contains(path) ? "passed through" : "not read";
+        std::size_t others = 0;
+        const std::string files =
+            path +
+            (more[path] > 0 ? " and " + std::to_string(more[path]) + " more" : std::string());
+        const std::shared_ptr<const ImageFile> opened = ImageFile::open(path);
+        for (const LayerInfo& layer : opened->layers()) {
+            const auto use = uses[path].find(layer.address());
+            if (use != uses[path].end()) {
+                m_plan.channel_plan.push_back(
+                    files + ": " +
+                    (layer.address().empty() ? "(plain channels)" : layer.address()) + ": " +
+                    use->second);
+                uses[path].erase(use);
+            } else if (rest == "not read") {
+                ++others;
+            } else {
+                m_plan.channel_plan.push_back(
+                    files + ": " +
+                    (layer.address().empty() ? "(plain channels)" : layer.address()) + ": " + rest);
+            }
+        }
+        // Selections that are no single layer: a whole part, one channel.
+        for (const auto& [layer, use] : uses[path])
+            m_plan.channel_plan.push_back(files + ": " +
+                                          (layer.empty() ? "(all channels)" : layer) + ": " + use);
+        if (others > 0)
+            m_plan.channel_plan.push_back(files + ": " + std::to_string(others) + " other layer" +
+                                          (others == 1 ? "" : "s") + ": not read");
+    }
+}
+
 Plan Planner::make(const Graph& graph)
 {
     m_plan.graph_name = graph.name;
@@ -1161,6 +1232,7 @@ Plan Planner::make(const Graph& graph)
         for (const std::string& e : m_input_errors) all += (all.empty() ? "" : "\n") + e;
         throw InputError(all);
     }
+    describe_files(graph);
     // Streams a reduction reads, by port.
     for (std::size_t o = 0; o < m_plan.ops.size(); ++o) {
         const PlannedOp& op = m_plan.ops[o];
@@ -1180,8 +1252,12 @@ Plan Planner::make(const Graph& graph)
         for (PlannedOp& op : m_plan.ops) op.needed = false;
         prune();
     }
-    for (const PlannedOp& op : m_plan.ops)
-        if (!op.needed) m_plan.pruned.push_back({op.id, "nothing that runs needs it"});
+    for (const PlannedOp& op : m_plan.ops) {
+        const bool said =
+            std::ranges::any_of(m_plan.pruned, [&](const PrunedNode& p) { return p.id == op.id; });
+        if (!op.needed && op.info && !said)
+            m_plan.pruned.push_back({op.id, "nothing that runs needs it"});
+    }
     choose_inlined();
     return std::move(m_plan);
 }

@@ -5,12 +5,11 @@
 #include "rayloom/engine/band.h"
 #include "rayloom/engine/cache.h"
 #include "rayloom/engine/engine_nodes.h"
+#include "rayloom/image/exr_reader.h"
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
-
-#include <OpenImageIO/imageio.h>
 
 #include <atomic>
 #include <chrono>
@@ -584,8 +583,7 @@ RunReport run_plan(Plan& plan, const RunOptions& options)
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
                                     index(schedule.threads));
     tbb::task_arena arena(schedule.threads);
-    OIIO::attribute("threads", schedule.threads);
-    OIIO::attribute("exr_threads", schedule.threads > 1 ? schedule.threads : -1);
+    set_image_threads(schedule.threads);
 
     const auto start = Clock::now();
     Runner runner(plan, schedule, options);

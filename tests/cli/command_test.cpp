@@ -202,6 +202,26 @@ TEST_F(Command, CtrlCStopsWithinASecondAndLeavesNothing)
     EXPECT_THAT(names(), ElementsAre("slow.yaml"));
 }
 
+TEST_F(Command, OneFileInTheSameFileOut)
+{
+    const fs::path render = scene / "noisy_16.exr";
+    const fs::path graph = write(
+        "half.yaml", "rayloom: 1\nname: half\ninputs: {color: {channels: RGB, role: beauty}}\n"
+                     "nodes: {mean: {op: transform.statistics, stack: [color, color]}}\n"
+                     "outputs: {image: mean.mean}\n");
+    const CommandResult r = run({"run", graph.string(), "-i", "color=" + render.string(), "-o",
+                                 "image=out.exr", "--pass-through"});
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    // The plan of the channels is said before anything runs.
+    EXPECT_THAT(r.err, HasSubstr("ViewLayer.Combined: filtered (input 'color')"));
+    EXPECT_THAT(r.err, HasSubstr("ViewLayer.DiffInd: passed through"));
+    // The mean of an image with itself is the image: every channel of the file is bit for bit the
+    // same.
+    const MemoryImage before = load_image(render.string(), "ViewLayer"),
+                      after = load_image(file("out.exr").string(), "ViewLayer");
+    EXPECT_TRUE(same_bits(before, after));
+}
+
 TEST_F(Command, PlanShowsWhatWouldRunAndRunsNothing)
 {
     const CommandResult r =
