@@ -85,27 +85,25 @@ private:
     std::size_t m_size;
 };
 
-/// Hands out the pixels of an entry.
-class CachedImage final : public Node
+/// Hands out the pixels of the entries of one item.
+class CachedImages final : public Node
 {
 public:
-    CachedImage(std::unique_ptr<Mapping> mapping, const Region& window, int channels,
-                std::string port)
-        : m_mapping(std::move(mapping)), m_port(std::move(port)),
-          m_view(reinterpret_cast<const float*>(m_mapping->data() + offset), window, channels,
-                 static_cast<std::ptrdiff_t>(window.width()) * channels, window.width())
-    {
-    }
+    struct Entry {
+        std::string port;
+        std::unique_ptr<Mapping> mapping;
+        ConstImageView view;
+    };
+    explicit CachedImages(std::vector<Entry> entries) : m_entries(std::move(entries)) {}
     void plan(PlanContext&) override {}
     void compute(const TileContext& context) const override
     {
-        copy_pixels(m_view, context.output(m_port));
+        for (const Entry& entry : m_entries)
+            if (context.wants(entry.port)) copy_pixels(entry.view, context.output(entry.port));
     }
 
 private:
-    std::unique_ptr<Mapping> m_mapping;
-    std::string m_port;
-    ConstImageView m_view;
+    std::vector<Entry> m_entries;
 };
 
 std::string temporary_name(const std::string& path)
@@ -189,29 +187,36 @@ std::unique_ptr<CacheWriter> Cache::writer(const std::string& key, const Region&
     return std::make_unique<CacheWriter>(path(key, ".image"), window, channels);
 }
 
-std::shared_ptr<const Node> Cache::find(const std::string& key, const Region& window, int channels,
-                                        const std::string& port) const
+std::shared_ptr<const Node> Cache::find(const std::vector<CachedOutput>& outputs,
+                                        const Region& window) const
 {
-    const std::string file = path(key, ".image");
-    std::unique_ptr<Mapping> mapping = Mapping::read(file);
-    if (!mapping) return nullptr;
-    Header header;
-    const Header expected;
-    bool good = mapping->size() == offset + payload_bytes(window, channels);
-    if (good) {
-        std::memcpy(&header, mapping->data(), sizeof header);
-        good = std::equal(std::begin(header.magic), std::end(header.magic),
-                          std::begin(expected.magic)) &&
-               Region{header.x0, header.y0, header.x1, header.y1} == window &&
-               header.channels == channels &&
-               header.checksum ==
-                   OIIO::xxhash::XXH64(mapping->data() + offset, mapping->size() - offset, 1);
+    std::vector<CachedImages::Entry> entries;
+    for (const CachedOutput& output : outputs) {
+        const std::string file = path(output.key, ".image");
+        std::unique_ptr<Mapping> mapping = Mapping::read(file);
+        if (!mapping) return nullptr;
+        Header header;
+        const Header expected;
+        bool good = mapping->size() == offset + payload_bytes(window, output.channels);
+        if (good) {
+            std::memcpy(&header, mapping->data(), sizeof header);
+            good = std::equal(std::begin(header.magic), std::end(header.magic),
+                              std::begin(expected.magic)) &&
+                   Region{header.x0, header.y0, header.x1, header.y1} == window &&
+                   header.channels == output.channels &&
+                   header.checksum ==
+                       OIIO::xxhash::XXH64(mapping->data() + offset, mapping->size() - offset, 1);
+        }
+        if (!good) {
+            ::unlink(file.c_str());
+            return nullptr;
+        }
+        const ConstImageView view(
+            reinterpret_cast<const float*>(mapping->data() + offset), window, output.channels,
+            static_cast<std::ptrdiff_t>(window.width()) * output.channels, window.width());
+        entries.push_back({output.port, std::move(mapping), view});
     }
-    if (!good) {
-        ::unlink(file.c_str());
-        return nullptr;
-    }
-    return std::make_shared<CachedImage>(std::move(mapping), window, channels, port);
+    return std::make_shared<CachedImages>(std::move(entries));
 }
 
 void Cache::store_totals(const std::string& key, const std::vector<double>& totals) const
@@ -259,13 +264,17 @@ void apply_cache(Plan& plan, const std::string& folder)
     for (WorkItem& item : plan.items) {
         const PlannedOp& op = plan.ops[static_cast<std::size_t>(item.op)];
         if (!item.needed || item.inputs.empty() || op.result.sink || op.result.cheap) continue;
-        // Several wanted outputs of one item are stored apart and come back together or not at all.
-        const auto wanted = std::ranges::count_if(item.outputs, &WorkItem::Output::wanted);
-        if (wanted != 1) continue;
-        const auto out = std::ranges::find_if(item.outputs, &WorkItem::Output::wanted);
-        const Stream& stream = plan.streams[static_cast<std::size_t>(out->stream)];
-        if (stream.kind == PortKind::deep) continue;
-        item.source = cache.find(stream.key(), item.window, stream.desc.channel_count(), out->port);
+        // Wanted outputs come back together or not at all.
+        std::vector<CachedOutput> outputs;
+        bool storable = true;
+        for (const WorkItem::Output& out : item.outputs) {
+            if (!out.wanted) continue;
+            const Stream& stream = plan.streams[static_cast<std::size_t>(out.stream)];
+            storable = storable && stream.kind != PortKind::deep;
+            outputs.push_back({stream.key(), out.port, stream.desc.channel_count()});
+        }
+        if (!storable || outputs.empty()) continue;
+        item.source = cache.find(outputs, item.window);
         if (item.source) plan.pruned.push_back({op.id, "its result is in the cache"});
     }
     for (PlannedOp& op : plan.ops)

@@ -36,6 +36,12 @@ private:
     std::unique_ptr<State> m_state;
 };
 
+/// One output of an item, as the cache knows it.
+struct CachedOutput {
+    std::string key, port;
+    int channels = 0;
+};
+
 class Cache
 {
 public:
@@ -44,9 +50,9 @@ public:
 
     std::unique_ptr<CacheWriter> writer(const std::string& key, const Region& window,
                                         int channels) const;
-    /// A node that hands out a stored image as its output `port`; null when there is none.
-    std::shared_ptr<const Node> find(const std::string& key, const Region& window, int channels,
-                                     const std::string& port) const;
+    /// A node that hands out stored images as outputs of one item; null unless all are there.
+    std::shared_ptr<const Node> find(const std::vector<CachedOutput>& outputs,
+                                     const Region& window) const;
     void store_totals(const std::string& key, const std::vector<double>& totals) const;
     std::optional<std::vector<double>> find_totals(const std::string& key) const;
 

@@ -52,9 +52,9 @@ struct InputBinding {
 struct OutputBinding {
     std::string path;
     std::string type;              ///< "half", "float", "uint8", …; empty: as the input had
-    std::string compression;         ///< empty: as the input had
-    std::string layer;               ///< written as `layer.channel`; empty: plain names
-    std::string pass_through_from;   ///< file whose other layers are written too, bit for bit
+    std::string compression;       ///< empty: as the input had
+    std::string layer;             ///< written as `layer.channel`; empty: plain names
+    std::string pass_through_from; ///< file whose other layers are written too, bit for bit
 };
 
 struct RunRequest {

@@ -509,10 +509,7 @@ void Runner::open_cache_writers(const WorkItem& item, const std::vector<Region>&
     if (columns[static_cast<std::size_t>(&item - m_plan.items.data())] != item.window) return;
     for (const WorkItem::Output& out : item.outputs) {
         const Stream& stream = m_plan.streams[index(out.stream)];
-        if (out.wanted && stream.kind == PortKind::image)
-            m_cache_writers[index(out.stream)] =
-                m_cache->writer(stream.key(), item.window, stream.desc.channel_count());
-        else if (out.wanted && stream.kind == PortKind::list)
+        if (out.wanted && stream.kind != PortKind::deep)
             m_cache_writers[index(out.stream)] =
                 m_cache->writer(stream.key(), item.window, stream.desc.channel_count());
     }
