@@ -12,7 +12,7 @@ std::size_t Band::bytes_for(int channels, int width, int rows)
     return ImageBuffer::bytes_for({0, 0, width, rows}, channels);
 }
 
-void Band::extend(int lo, int hi)
+void Band::extend(int lo, int hi, int reserve)
 {
     if (hi <= lo) return;
     const bool fresh = m_hi <= m_lo;
@@ -20,7 +20,7 @@ void Band::extend(int lo, int hi)
     const int rows = new_hi - new_lo;
     const int capacity = m_buffer.region().height();
     if (rows > capacity) {
-        ImageBuffer larger({m_x0, new_lo, m_x1, new_hi}, m_channels);
+        ImageBuffer larger({m_x0, new_lo, m_x1, new_lo + std::max(rows, reserve)}, m_channels);
         if (!fresh) copy_pixels(view(), larger.view().crop(held()));
         m_buffer = std::move(larger);
         m_base = new_lo;

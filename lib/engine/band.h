@@ -22,8 +22,9 @@ public:
     /// Rows held now; empty region when none.
     Region held() const { return {m_x0, m_lo, m_x1, m_hi}; }
     /// Makes room for rows [lo, hi) beside those held already; new rows are not initialised. Both
-    /// together must be one interval.
-    void extend(int lo, int hi);
+    /// together must be one interval. `reserve`: rows the band will come to hold; memory for them
+    /// is set aside at once, so that a band that grows to the whole image is never copied.
+    void extend(int lo, int hi, int reserve = 0);
     /// Forgets rows outside [lo, hi); frees the memory when none is left.
     void keep(int lo, int hi);
 

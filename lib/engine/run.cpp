@@ -138,7 +138,7 @@ public:
     RunReport report(double seconds) const;
 
     // SweepVisitor
-    void extend(int item, int lo, int hi) override
+    void extend(int item, int lo, int hi, int reserve) override
     {
         for (const WorkItem::Output& out : m_plan.items[index(item)].outputs) {
             if (!out.wanted) continue;
@@ -149,7 +149,7 @@ public:
             Band& band = m_bands[index(out.stream)];
             const std::size_t before = band.bytes();
             try {
-                band.extend(lo, hi);
+                band.extend(lo, hi, reserve);
             } catch (const MemoryError& e) {
                 throw MemoryError(op_of(m_plan.items[index(item)]).title() + ": " + e.what());
             }
@@ -361,9 +361,11 @@ void Runner::compute_rows(const WorkItem& item, const Region& rows)
     const bool deep = !item.outputs.empty() &&
                       m_plan.streams[index(item.outputs.front().stream)].kind == PortKind::deep;
     if (deep) return compute_deep_rows(item, rows);
-    // A few hundred rows at a time, so that a stop is noticed soon.
-    const int step =
-        std::max(1, 256 / op_of(item).result.row_alignment) * op_of(item).result.row_alignment;
+    // Two blocks a thread at a time: enough to decode in parallel, little to hold undecoded, and a
+    // stop is noticed soon.
+    const int align = op_of(item).result.row_alignment;
+    const int step = align * std::clamp(2 * m_schedule.threads, std::max(1, 64 / align),
+                                        std::max(1, 512 / align));
     for (int y = rows.y0; y < rows.y1; y += step) {
         check_stop();
         Region part = rows;

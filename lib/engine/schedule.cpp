@@ -176,13 +176,13 @@ public:
           m_lo(plan.items.size(), 0), m_hi(plan.items.size(), 0)
     {
     }
-    void extend(int i, int lo, int hi) override
+    void extend(int i, int lo, int hi, int reserve) override
     {
         auto &l = m_lo[index(i)], &h = m_hi[index(i)];
         const bool fresh = h <= l;
         l = fresh ? lo : std::min(l, lo);
         h = fresh ? hi : std::max(h, hi);
-        const int rows = h - l;
+        const int rows = std::max(h - l, m_capacity[index(i)] > 0 ? 0 : reserve);
         int& capacity = m_capacity[index(i)];
         if (rows > capacity) {
             // While a band grows, old and new exist side by side.
@@ -344,13 +344,15 @@ void walk(const Plan& plan, const Schedule& schedule, SweepVisitor& visitor)
                 const Region h = held[i];
                 Region d = demand[i];
                 const int id = static_cast<int>(i);
+                // Rows kept for a later sweep pile up to all that sweep reads.
+                const int reserve = later[i].empty() ? 0 : later[i].hull(d).height();
                 if (h.empty()) {
-                    visitor.extend(id, d.y0, d.y1);
+                    visitor.extend(id, d.y0, d.y1, reserve);
                     batch.push_back({id, d.y0, d.y1});
                     held[i] = d;
                 } else {
                     if (d.y0 < h.y0 || d.y1 > h.y1)
-                        visitor.extend(id, std::min(d.y0, h.y0), std::max(d.y1, h.y1));
+                        visitor.extend(id, std::min(d.y0, h.y0), std::max(d.y1, h.y1), reserve);
                     if (d.y0 < h.y0) batch.push_back({id, d.y0, h.y0});
                     if (d.y1 > h.y1) batch.push_back({id, h.y1, d.y1});
                     held[i].y0 = std::min(d.y0, h.y0);

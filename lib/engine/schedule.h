@@ -51,8 +51,9 @@ class SweepVisitor
 {
 public:
     virtual ~SweepVisitor() = default;
-    /// Make room in the item's bands for rows [lo, hi), next to what they hold.
-    virtual void extend(int item, int lo, int hi) = 0;
+    /// Make room in the item's bands for rows [lo, hi), next to what they hold; they will come to
+    /// hold `reserve` rows.
+    virtual void extend(int item, int lo, int hi, int reserve) = 0;
     /// Compute these rows; the items do not depend on one another.
     virtual void compute(const std::vector<RowTask>& batch) = 0;
     /// Only rows [lo, hi) of the item will be read from now on (none when hi <= lo).
