@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/registry.h"
+#include "rayloom/stats/quantiles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace rayloom
+{
+namespace
+{
+
+/// Counts beyond this take its factor, which is 0.1 % above the normal quantile's at 99 %.
+constexpr int table_size = 1024;
+/// Half-size of the neighbourhood that stands in for the samples a pixel does not have.
+constexpr int fallback_radius = 2;
+
+/// threshold.interval: confidence interval of each pixel's mean.
+class Interval final : public Node
+{
+public:
+    struct Params {
+        double confidence = 0.99;
+        std::string variance_of = "sample";
+        float samples = 0.0f;
+        std::string too_few = "error";
+    };
+
+    static void describe(Declaration<Params>& d)
+    {
+        d.name("threshold.interval")
+            .summary("Student-t confidence interval of each pixel's mean.")
+            .doc(
+                "[x̄ − h, x̄ + h] with h = t·s/√n, t the two-sided Student quantile of `confidence` "
+                "at n − 1 degrees of freedom, in each colour channel on its own. The variance is "
+                "that of single samples (`variance_of: sample`) or already that of the mean. n is "
+                "an image, or one number for all pixels; fractions are rounded down.\n\n"
+                "One sample has no spread. `too_few: error` stops with the pixel and what to "
+                "render "
+                "instead. `too_few: neighbours` takes, for pixels with one sample, the variance of "
+                "the means in the 5×5 neighbourhood as the variance of the mean, with the factor "
+                "of "
+                "that many samples; edges make such an interval wide. A pixel without any sample "
+                "(empty deep pixel) has an interval of width 0 around its mean.")
+            .source("000_092f36e585912bb0.txt, eq. (2), (3)")
+            .accuracy("Factors in double, rounded to float; beyond n = 1024 the factor of 1024.")
+            .example(
+                "rayloom: 1\n"
+                "name: interval-example\n"
+                "inputs:\n"
+                "  stack: {doc: renders that differ in their seed, kind: list, channels: RGB}\n"
+                "nodes:\n"
+                "  statistics: {op: transform.statistics, stack: stack}\n"
+                "  interval: {op: threshold.interval, mean: statistics.mean,\n"
+                "             variance: statistics.variance, count: statistics.count}\n"
+                "outputs:\n"
+                "  width: interval.half_width\n");
+        d.input("mean", "mean of each pixel's samples");
+        d.input("variance", "unbiased variance, one channel per colour of the mean");
+        d.input("count", "number of samples; its first channel is read").optional();
+        d.output("low", "lower end of the interval").optional();
+        d.output("high", "upper end of the interval").optional();
+        d.output("half_width", "t·s/√n").optional();
+        d.output("variance", "variance of the mean, whatever the input was").optional();
+        d.param("confidence", &Params::confidence,
+                "1 − α, the share of intervals to hold the truth.")
+            .range(1e-6, 1.0 - 1e-9)
+            .source("section 3.5: 0.998, then 0.99");
+        d.param("variance_of", &Params::variance_of, "What `variance` is the variance of.")
+            .choices({"sample", "mean"});
+        d.param("samples", &Params::samples,
+                "Samples of every pixel when there is no input `count`; 0: there is.")
+            .range(0, 1e9);
+        d.param("too_few", &Params::too_few, "What to do about pixels with one sample.")
+            .choices({"error", "neighbours"});
+    }
+
+    explicit Interval(const Params& p) : m(p) {}
+
+    void plan(PlanContext& context) override
+    {
+        const ImageDesc& mean = context.input("mean");
+        context.require_same_window("mean", "variance");
+        m_window = mean.data;
+        m_mean = mean.colour();
+        m_variance = context.input("variance").colour();
+        if (m_mean.empty() || m_mean.size() != m_variance.size())
+            throw NodeError("mean has " + std::to_string(m_mean.size()) + " colours and variance " +
+                            std::to_string(m_variance.size()) + "; they must agree");
+        if (context.has("count")) {
+            context.require_same_window("mean", "count");
+        } else if (m.samples <= 0.0f) {
+            throw NodeError("how many samples a pixel has is not known: connect `count` or set "
+                            "`samples`");
+        } else if (m.samples < 2.0f && m.too_few == "error") {
+            throw NodeError(one_sample_has_no_interval);
+        }
+        m_factors = StudentTable(1.0 - m.confidence, table_size).as_floats();
+        m_neighbour_factor = m_factors[static_cast<std::size_t>(
+            (2 * fallback_radius + 1) * (2 * fallback_radius + 1) - 2)];
+        std::vector<std::string> names;
+        for (const int c : m_mean) names.push_back(mean.channels[static_cast<std::size_t>(c)]);
+        for (const char* port : {"low", "high", "half_width", "variance"})
+            context.output(port, mean.with_channels(names));
+        if (m.too_few == "neighbours") context.needs("mean", Halo::all(fallback_radius));
+    }
+
+    void compute(const TileContext& context) const override
+    {
+        const Region& region = context.region();
+        const ConstImageView mean = context.input("mean"), variance = context.input("variance");
+        std::size_t replaced = 0;
+        for (int y = region.y0; y < region.y1; ++y)
+            for (int x = region.x0; x < region.x1; ++x) {
+                const float count =
+                    context.has("count") ? context.input("count").at(0, x, y) : m.samples;
+                const int n = static_cast<int>(std::min(count, static_cast<float>(table_size)));
+                if (n == 1 && m.too_few == "error")
+                    throw InputError("pixel (" + std::to_string(x) + ", " + std::to_string(y) +
+                                     "): " + one_sample_has_no_interval);
+                if (n == 1) ++replaced;
+                for (std::size_t c = 0; c < m_mean.size(); ++c) {
+                    const float centre = mean.at(m_mean[c], x, y);
+                    float of_mean = 0.0f, factor = 0.0f;
+                    if (n >= 2) {
+                        of_mean = std::max(0.0f, variance.at(m_variance[c], x, y));
+                        if (m.variance_of == "sample") of_mean /= count;
+                        factor = m_factors[static_cast<std::size_t>(n - 2)];
+                    } else if (n == 1) {
+                        of_mean = neighbour_variance(mean, m_mean[c], x, y);
+                        factor = m_neighbour_factor;
+                    }
+                    const float h = factor * std::sqrt(of_mean);
+                    const auto channel = static_cast<int>(c);
+                    if (context.wants("low")) context.output("low").at(channel, x, y) = centre - h;
+                    if (context.wants("high"))
+                        context.output("high").at(channel, x, y) = centre + h;
+                    if (context.wants("half_width"))
+                        context.output("half_width").at(channel, x, y) = h;
+                    if (context.wants("variance"))
+                        context.output("variance").at(channel, x, y) = of_mean;
+                }
+            }
+        if (replaced > 0)
+            context.count("pixels with one sample, width from their neighbours", replaced);
+    }
+
+private:
+    static constexpr const char* one_sample_has_no_interval =
+        "one sample has no confidence interval; render at least two samples a pixel (or the frame "
+        "twice with different seeds), or set too_few: neighbours";
+
+    float neighbour_variance(const ConstImageView& mean, int channel, int x, int y) const
+    {
+        const Region around =
+            Region{x, y, x + 1, y + 1}.grown(Halo::all(fallback_radius)).intersect(m_window);
+        double average = 0.0, squares = 0.0;
+        for (int v = around.y0; v < around.y1; ++v)
+            for (int u = around.x0; u < around.x1; ++u)
+                average += static_cast<double>(mean.at(channel, u, v));
+        average /= static_cast<double>(around.pixels());
+        for (int v = around.y0; v < around.y1; ++v)
+            for (int u = around.x0; u < around.x1; ++u) {
+                const double e = static_cast<double>(mean.at(channel, u, v)) - average;
+                squares += e * e;
+            }
+        return static_cast<float>(squares /
+                                  std::max(1.0, static_cast<double>(around.pixels()) - 1.0));
+    }
+
+    Params m;
+    Region m_window;
+    std::vector<int> m_mean, m_variance;
+    std::vector<float> m_factors; ///< of n = 2, 3, …
+    float m_neighbour_factor = 0.0f;
+};
+
+RAYLOOM_NODE(Interval);
+
+} // namespace
+} // namespace rayloom

@@ -1,0 +1,83 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# The figures of docs/methods/virtual-flash.md. Usage: virtual_flash.sh SCENES [BUILD_FOLDER] [WHAT]…
+# SCENES holds cornell, caustics, interior and dof, each with stack/sNN.exr (1 sample a pixel),
+# flash_16.exr and ref.exr. WHAT: readings, gates, coverage, sequence (all of them).
+set -euo pipefail
+scenes=$(realpath "$1")
+build=$(realpath "${2:-build}")
+shift $(($# < 2 ? $# : 2))
+what=${*:-readings gates coverage sequence}
+here=$(realpath "$(dirname "$0")")
+rayloom=$build/bin/rayloom
+
+inputs() { # SCENE SAMPLES
+    printf '%s\n' -i "stack=$scenes/$1/stack/s%02d.exr@1-$2:Combined" \
+        -i "partial=$scenes/$1/flash_16.exr:partial_d1" \
+        -i "flash_unit=$scenes/$1/flash_16.exr:flash_unit" -i "reference=$scenes/$1/ref.exr:Combined"
+}
+# Prints name=value of one figure for each line `output: {json}`.
+figures() { # FIGURE
+    sed -nE "s/^([a-z]+): .*\"$1\": ?([-+0-9.e]+).*/\1=\2/p" | awk -F= '{printf " %s %.4g", $1, $2}'
+}
+
+for part in $what; do
+    case $part in
+    readings | gates)
+        gates=two-sample
+        [ "$part" = gates ] && gates='two-sample one-sample none'
+        samples='4 8 16 32'
+        [ "$part" = gates ] && samples=16
+        for scene in cornell caustics interior dof; do
+            for n in $samples; do
+                for gate in $gates; do
+                    mapfile -t with < <(inputs "$scene" "$n")
+                    figures_of=$("$rayloom" run "$here/virtual_flash_readings.yaml" "${with[@]}" -p "gate=$gate")
+                    echo "$part $scene $n $gate relmse$(figures relmse <<<"$figures_of")"
+                    echo "$part $scene $n $gate brightness$(figures brightness_ratio <<<"$figures_of")"
+                done
+            done
+        done
+        ;;
+    coverage)
+        for confidence in 0.95 0.98 0.99; do
+            for n in 4 16 32; do
+                for scene in cornell caustics interior dof; do
+                    mapfile -t with < <(inputs "$scene" "$n")
+                    found=$("$rayloom" run "$here/virtual_flash_coverage.yaml" "${with[@]}" -p "confidence=$confidence")
+                    echo "coverage $confidence $n $scene$(figures interval <<<"$found") bound$(figures bound <<<"$found")"
+                done
+            done
+        done
+        ;;
+    sequence)
+        work=$(mktemp -d)
+        trap 'rm -rf "$work"' EXIT
+        anim=$scenes/dof/anim
+        for f in 1 2 3 4 5 6 7; do
+            near() { seq $((f + $1)) $((f + $2)) | awk '$1 >= 1 && $1 <= 7' | paste -sd, -; }
+            for reach in 0 3; do
+                with=(-i "frame=$anim/f0$f""_16.exr:Combined" -i "guide=$anim/f0$f""_16.exr:Denoising Albedo")
+                if [ $reach -gt 0 ]; then
+                    before=$(near -$reach -1) after=$(near 1 $reach)
+                    [ -n "$before" ] && with+=(-i "before=$anim/f%02d_16.exr@$before:Combined" -i "guide_before=$anim/f%02d_16.exr@$before:Denoising Albedo")
+                    [ -n "$after" ] && with+=(-i "after=$anim/f%02d_16.exr@$after:Combined" -i "guide_after=$anim/f%02d_16.exr@$after:Denoising Albedo")
+                fi
+                "$rayloom" run virtual-flash-sequence "${with[@]}" -o "image=$work/reach$reach.$f.exr" -q
+            done
+        done
+        for reach in 0 3; do
+            echo "sequence reach $reach, frame 4 against its reference"
+            "$rayloom" compare "$work/reach$reach.4.exr" "$scenes/dof/ref.exr:Combined" --no-flip
+            echo "sequence reach $reach, flicker: differences of neighbouring frames"
+            for f in 1 2 3 4 5 6; do
+                "$rayloom" compare "$work/reach$reach.$f.exr" "$work/reach$reach.$((f + 1)).exr" --no-flip --json
+            done
+        done
+        ;;
+    *)
+        echo "what is '$part'? readings, gates, coverage or sequence" >&2
+        exit 2
+        ;;
+    esac
+done
