@@ -16,9 +16,18 @@ inputs() { # SCENE SAMPLES
         -i "partial=$scenes/$1/flash_16.exr:partial_d1" \
         -i "flash_unit=$scenes/$1/flash_16.exr:flash_unit" -i "reference=$scenes/$1/ref.exr:Combined"
 }
-# Prints name=value of one figure for each line `output: {json}`.
-figures() { # FIGURE
-    sed -nE "s/^([a-z]+): .*\"$1\": ?([-+0-9.e]+).*/\1=\2/p" | awk -F= '{printf " %s %.4g", $1, $2}'
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# Runs a graph of figures, then prints `output value` of one figure of each output.
+measure() { # OUTPUTS GRAPH ARGUMENT…
+    local outputs=$1 with=()
+    shift
+    for o in $outputs; do with+=(-o "$o=$work/$o.json"); done
+    "$rayloom" run "$@" "${with[@]}" -q >/dev/null
+}
+figure() { # OUTPUT FIGURE
+    sed -nE "s/.*\"$2\": ?([-+0-9.e]+).*/\1/p" "$work/$1.json" | head -n 1
 }
 
 for part in $what; do
@@ -32,9 +41,13 @@ for part in $what; do
             for n in $samples; do
                 for gate in $gates; do
                     mapfile -t with < <(inputs "$scene" "$n")
-                    figures_of=$("$rayloom" run "$here/virtual_flash_readings.yaml" "${with[@]}" -p "gate=$gate")
-                    echo "$part $scene $n $gate relmse$(figures relmse <<<"$figures_of")"
-                    echo "$part $scene $n $gate brightness$(figures brightness_ratio <<<"$figures_of")"
+                    outputs='noisy nlm first single a b c d'
+                    measure "$outputs" "$here/virtual_flash_readings.yaml" "${with[@]}" -p "gate=$gate"
+                    for f in relmse brightness_ratio; do
+                        printf '%s %s %s %s %s' "$part" "$scene" "$n" "$gate" "$f"
+                        for o in $outputs; do printf ' %s %.4g' "$o" "$(figure "$o" $f)"; done
+                        echo
+                    done
                 done
             done
         done
@@ -44,15 +57,14 @@ for part in $what; do
             for n in 4 16 32; do
                 for scene in cornell caustics interior dof; do
                     mapfile -t with < <(inputs "$scene" "$n")
-                    found=$("$rayloom" run "$here/virtual_flash_coverage.yaml" "${with[@]}" -p "confidence=$confidence")
-                    echo "coverage $confidence $n $scene$(figures interval <<<"$found") bound$(figures bound <<<"$found")"
+                    measure coverage "$here/virtual_flash_coverage.yaml" "${with[@]}" -p "confidence=$confidence"
+                    printf 'coverage %s %s %s interval %.3f bound %.3f\n' "$confidence" "$n" "$scene" \
+                        "$(figure coverage interval)" "$(figure coverage bound)"
                 done
             done
         done
         ;;
     sequence)
-        work=$(mktemp -d)
-        trap 'rm -rf "$work"' EXIT
         anim=$scenes/dof/anim
         for f in 1 2 3 4 5 6 7; do
             near() { seq $((f + $1)) $((f + $2)) | awk '$1 >= 1 && $1 <= 7' | paste -sd, -; }
