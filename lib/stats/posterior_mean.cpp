@@ -1,0 +1,370 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/stats/posterior_mean.h"
+
+#include <boost/math/quadrature/gauss_kronrod.hpp>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+namespace rayloom
+{
+std::string to_string(SignalStatus status)
+{
+    switch (status) {
+    case SignalStatus::fitted: return "fitted";
+    case SignalStatus::shape_low: return "shape at 0.3";
+    case SignalStatus::shape_high: return "shape at 4";
+    case SignalStatus::no_signal: return "all noise";
+    }
+    return {};
+}
+
+SignalFit fit_signal(double second, double fourth, const GeneralisedLaplacian& noise,
+                     double sampling_error)
+{
+    const double noise_second = noise.variance();
+    const double signal_second = second - noise_second;
+    if (!(signal_second > sampling_error * second)) return {};
+    const double signal_fourth =
+        fourth - noise.fourth_moment() - 6.0 * signal_second * noise_second;
+    // Noise of the wrong shape can leave less than nothing: shorter tails than any shape has.
+    const GeneralisedLaplacianFit fit = fit_generalised_laplacian(
+        signal_second, std::max(signal_fourth, signal_second * signal_second), least_shape,
+        greatest_shape);
+    const SignalStatus status = !fit.clamped                   ? SignalStatus::fitted
+                                : fit.density.p == least_shape ? SignalStatus::shape_low
+                                                               : SignalStatus::shape_high;
+    return {fit.density, status};
+}
+
+// ------------------------------------------------------------------------------- posterior mean
+
+namespace
+{
+
+using boost::math::quadrature::gauss_kronrod;
+
+/// The integrand's exponent g(c) = −|c/a|^p_c − |y−c|^p_n in units of s_n, y ≥ 0.
+struct Exponent {
+    double y, inverse_a, signal_p, noise_p;
+
+    double operator()(double c) const
+    {
+        return -std::pow(std::fabs(c) * inverse_a, signal_p) - std::pow(std::fabs(y - c), noise_p);
+    }
+    /// g'(c) for 0 < c < y.
+    double slope(double c) const
+    {
+        return noise_p * std::pow(y - c, noise_p - 1.0) -
+               signal_p * inverse_a * std::pow(c * inverse_a, signal_p - 1.0);
+    }
+    /// −g''(c) for 0 < c < y.
+    double curvature(double c) const
+    {
+        return noise_p * (noise_p - 1.0) * std::pow(y - c, noise_p - 2.0) +
+               signal_p * (signal_p - 1.0) * inverse_a * inverse_a *
+                   std::pow(c * inverse_a, signal_p - 2.0);
+    }
+};
+
+/// Of the integrand's maximum, what is below e^-negligible of it is left out.
+constexpr double negligible = 42.0;
+
+/// Both integrals over one interval, by Kronrod's rule and by the Gauss rule inside it.
+struct Interval {
+    double lo, hi;
+    double mass, first;             ///< ∫ e^g, ∫ c e^g
+    double mass_error, first_error; ///< Kronrod − Gauss
+};
+
+class Quadrature
+{
+public:
+    Quadrature(const Exponent& exponent, double peak) : m_exponent(exponent), m_peak(peak) {}
+
+    Interval integrate(double lo, double hi) const
+    {
+        const auto& x = gauss_kronrod<double, 15>::abscissa();
+        const auto& w = gauss_kronrod<double, 15>::weights();
+        const auto& g = boost::math::quadrature::gauss<double, 7>::weights();
+        const double middle = 0.5 * (lo + hi), half = 0.5 * (hi - lo);
+        double mass = 0.0, first = 0.0, gauss_mass = 0.0, gauss_first = 0.0;
+        const auto add = [&](double c, double kronrod, double gauss) {
+            const double e = std::exp(m_exponent(c) - m_peak);
+            mass += kronrod * e;
+            first += kronrod * e * c;
+            gauss_mass += gauss * e;
+            gauss_first += gauss * e * c;
+        };
+        add(middle, w[0], g[0]);
+        for (std::size_t i = 1; i < x.size(); ++i) {
+            const double gauss = i % 2 == 0 ? g[i / 2] : 0.0;
+            add(middle - half * x[i], w[i], gauss);
+            add(middle + half * x[i], w[i], gauss);
+        }
+        return {lo,
+                hi,
+                half * mass,
+                half * first,
+                half * (mass - gauss_mass),
+                half * (first - gauss_first)};
+    }
+
+private:
+    Exponent m_exponent;
+    double m_peak;
+};
+
+/// Adds b ± width·4^k inside [lo, hi].
+void grade(std::vector<double>& edges, double b, double width, double lo, double hi)
+{
+    edges.push_back(b);
+    for (double d = width; d < hi - lo; d *= 4.0) {
+        if (b + d < hi) edges.push_back(b + d);
+        if (b - d > lo) edges.push_back(b - d);
+    }
+}
+
+/// ĉ/s_n for y/s_n ≥ 0 and a = s_c/s_n.
+double unit_posterior_mean(double y, double a, double signal_p, double noise_p)
+{
+    if (y == 0.0) return 0.0;
+    const Exponent g{y, 1.0 / a, signal_p, noise_p};
+
+    // Maxima of g lie at its cusps, 0 and y, or between them. Two convex halves have none between.
+    std::array<double, 4> modes{};
+    std::size_t mode_count = 0;
+    if (signal_p > 1.0 || noise_p > 1.0) {
+        constexpr int steps = 24;
+        double before = y * 1e-9, slope_before = g.slope(before);
+        for (int i = 1; i <= steps && mode_count < modes.size(); ++i) {
+            // Denser towards both ends, where the two powers turn.
+            const double t = static_cast<double>(i) / steps;
+            const double x = i == steps ? y * (1.0 - 1e-9) : y * t * t * (3.0 - 2.0 * t);
+            const double slope_here = g.slope(x);
+            if (slope_before > 0.0 && slope_here <= 0.0) {
+                double lo = before, hi = x;
+                for (int k = 0;
+                     k < 60 &&
+                     hi - lo > 1e-3 / std::sqrt(std::max(1e-300, g.curvature(0.5 * (lo + hi))));
+                     ++k) {
+                    const double m = 0.5 * (lo + hi);
+                    (g.slope(m) > 0.0 ? lo : hi) = m;
+                }
+                modes[mode_count++] = 0.5 * (lo + hi);
+            }
+            before = x;
+            slope_before = slope_here;
+        }
+    }
+    double peak = std::max(g(0.0), g(y));
+    for (std::size_t i = 0; i < mode_count; ++i) peak = std::max(peak, g(modes[i]));
+
+    const double reach = 2.0 * std::min(a * std::pow(negligible, 1.0 / signal_p) + y,
+                                        y + std::pow(negligible, 1.0 / noise_p));
+    const double lo = -reach, hi = y + reach;
+    // How far from each cusp the integrand falls to 1/e, by its own power and by the other's slope.
+    const double at_zero = std::min(a, 1.0 / (noise_p * std::pow(std::max(y, 1.0), noise_p - 1.0)));
+    const double at_y =
+        std::min(1.0, a / (signal_p * std::pow(std::max(y / a, 1.0), signal_p - 1.0)));
+    std::vector<double> edges;
+    edges.reserve(128);
+    edges.push_back(lo);
+    edges.push_back(hi);
+    grade(edges, 0.0, (signal_p < 1.0 ? 1.0 / 1024.0 : 0.25) * at_zero, lo, hi);
+    grade(edges, y, (noise_p < 1.0 ? 1.0 / 1024.0 : 0.25) * at_y, lo, hi);
+    for (std::size_t i = 0; i < mode_count; ++i)
+        grade(edges, modes[i], 1.0 / std::sqrt(std::max(1e-300, g.curvature(modes[i]))), lo, hi);
+    std::ranges::sort(edges);
+
+    const Quadrature quadrature(g, peak);
+    std::vector<Interval> intervals;
+    intervals.reserve(edges.size() + 64);
+    double mass = 0.0, first = 0.0;
+    double g_before = g(edges.front());
+    for (std::size_t i = 1; i < edges.size(); ++i) {
+        const double g_here = g(edges[i]);
+        const bool counts = std::max(g_before, g_here) > peak - negligible;
+        g_before = g_here;
+        if (!counts || edges[i] <= edges[i - 1]) continue;
+        intervals.push_back(quadrature.integrate(edges[i - 1], edges[i]));
+        mass += intervals.back().mass;
+        first += intervals.back().first;
+    }
+    // What an interval's error does to the quotient: ∫ (c − ĉ) e^g is what has to be right.
+    constexpr double tolerance = 1e-7;
+    for (std::size_t i = 0; i < intervals.size() && intervals.size() < 20000; ++i) {
+        const Interval old = intervals[i];
+        const double centre = first / mass;
+        if (std::fabs(old.first_error - centre * old.mass_error) <= tolerance * mass) continue;
+        const double middle = 0.5 * (old.lo + old.hi);
+        if (middle <= old.lo || middle >= old.hi) continue;
+        intervals.push_back(quadrature.integrate(old.lo, middle));
+        const Interval left = intervals.back();
+        intervals.push_back(quadrature.integrate(middle, old.hi));
+        const Interval right = intervals.back();
+        mass += left.mass + right.mass - old.mass;
+        first += left.first + right.first - old.first;
+        intervals[i].mass = intervals[i].first = 0.0;
+    }
+    mass = first = 0.0;
+    for (const Interval& i : intervals) {
+        mass += i.mass;
+        first += i.first;
+    }
+    return std::clamp(first / mass, 0.0, y);
+}
+
+/// Where the scales differ this much one of the two is as good as certain.
+constexpr double greatest_scale_ratio = 1e9;
+
+} // namespace
+
+double posterior_mean(double y, const GeneralisedLaplacian& signal,
+                      const GeneralisedLaplacian& noise)
+{
+    if (noise.s <= 0.0 || signal.s > greatest_scale_ratio * noise.s) return y;
+    if (signal.s <= 0.0 || noise.s > greatest_scale_ratio * signal.s) return 0.0;
+    const double mean = noise.s * unit_posterior_mean(std::fabs(y) / noise.s, signal.s / noise.s,
+                                                      signal.p, noise.p);
+    return std::copysign(mean, y);
+}
+
+// ------------------------------------------------------------------------------- table
+
+namespace
+{
+
+/// The table's first octave begins at 2^least_exponent s_n; ĉ is a straight line below.
+constexpr int least_exponent = -14;
+constexpr int least_shift = 2, greatest_shift = 10;
+constexpr double interpolation_tolerance = 4e-5;
+
+} // namespace
+
+PosteriorMeanTable::PosteriorMeanTable(const GeneralisedLaplacian& signal,
+                                       const GeneralisedLaplacian& noise, double greatest)
+{
+    if (noise.s <= 0.0 || signal.s > greatest_scale_ratio * noise.s) return;
+    if (signal.s <= 0.0 || noise.s > greatest_scale_ratio * signal.s) {
+        m_kind = Kind::zero;
+        return;
+    }
+    m_kind = Kind::table;
+    m_scale = static_cast<float>(noise.s);
+    m_inverse_scale = static_cast<float>(1.0 / noise.s);
+    const double ratio = signal.s / noise.s;
+    const auto mean = [&](double y) { return unit_posterior_mean(y, ratio, signal.p, noise.p); };
+
+    const int octaves = std::clamp(
+        static_cast<int>(std::ceil(std::log2(std::max(greatest / noise.s, 1.0)))) - least_exponent,
+        1, 100);
+    double start = std::exp2(least_exponent);
+    double at_start = mean(start);
+    m_slope = static_cast<float>(at_start / start);
+    int shift = least_shift;
+    for (int o = 0; o < octaves; ++o, start *= 2.0) {
+        // Samples at start·(1 + i/n); doubled until those between are met by the cubics.
+        shift = std::max(least_shift, shift - 1);
+        std::vector<double> sample;
+        const auto place = [&](std::size_t i, std::size_t n) {
+            return start * (1.0 + static_cast<double>(i) / static_cast<double>(n));
+        };
+        const auto cubic = [&](std::size_t i) {
+            // Lagrange through four neighbours, shifted inwards at the octave's ends.
+            const std::size_t n = sample.size() - 1;
+            const std::size_t k = std::clamp<std::size_t>(i, 1, n - 2) - 1;
+            const double f0 = sample[k], f1 = sample[k + 1], f2 = sample[k + 2], f3 = sample[k + 3];
+            const double d1 = f1 - f0, d2 = f2 - 2.0 * f1 + f0, d3 = f3 - 3.0 * f2 + 3.0 * f1 - f0;
+            // Newton's form in u = i − k + t, expanded about t = 0.
+            const double j = static_cast<double>(i - k);
+            const double b2 = 0.5 * d2, b3 = d3 / 6.0;
+            return std::array<double, 4>{
+                f0 + j * d1 + j * (j - 1.0) * b2 + j * (j - 1.0) * (j - 2.0) * b3,
+                d1 + (2.0 * j - 1.0) * b2 + (3.0 * j * j - 6.0 * j + 2.0) * b3,
+                b2 + (3.0 * j - 3.0) * b3, b3};
+        };
+        const auto at_half = [&](const std::array<double, 4>& c) {
+            return c[0] + 0.5 * (c[1] + 0.5 * (c[2] + 0.5 * c[3]));
+        };
+        std::size_t n = std::size_t{1} << shift;
+        sample.resize(n + 1);
+        sample[0] = at_start;
+        for (std::size_t i = 1; i <= n; ++i) sample[i] = mean(place(i, n));
+        for (;;) {
+            std::vector<double> finer(2 * n + 1);
+            double worst = 0.0;
+            for (std::size_t i = 0; i <= n; ++i) finer[2 * i] = sample[i];
+            for (std::size_t i = 0; i < n; ++i) {
+                finer[2 * i + 1] = mean(place(2 * i + 1, 2 * n));
+                worst = std::max(worst, std::fabs(at_half(cubic(i)) - finer[2 * i + 1]));
+            }
+            sample = std::move(finer);
+            n *= 2;
+            ++shift;
+            if (worst <= interpolation_tolerance || shift >= greatest_shift) break;
+        }
+        m_octaves.push_back({static_cast<int>(m_cubics.size()), shift});
+        for (std::size_t i = 0; i < n; ++i) {
+            std::array<double, 4> c = cubic(i);
+            // Between two samples the curve stays between them: a cubic that turns inside its
+            // segment gives way to the straight line.
+            const double disc = c[2] * c[2] - 3.0 * c[1] * c[3];
+            bool turns = c[1] * (c[1] + 2.0 * c[2] + 3.0 * c[3]) < 0.0;
+            if (!turns && disc > 0.0 && c[3] != 0.0)
+                for (const double root : {(-c[2] - std::sqrt(disc)) / (3.0 * c[3]),
+                                          (-c[2] + std::sqrt(disc)) / (3.0 * c[3])})
+                    turns = turns || (root > 0.0 && root < 1.0);
+            if (turns) c = {sample[i], sample[i + 1] - sample[i], 0.0, 0.0};
+            m_cubics.push_back({static_cast<float>(c[0]), static_cast<float>(c[1]),
+                                static_cast<float>(c[2]), static_cast<float>(c[3])});
+        }
+        at_start = sample[n];
+    }
+    m_end = static_cast<float>(start);
+    m_end_loss = static_cast<float>(start - at_start);
+}
+
+float PosteriorMeanTable::evaluate(float magnitude) const
+{
+    const float y = magnitude * m_inverse_scale;
+    const auto bits = std::bit_cast<std::uint32_t>(y);
+    const int octave = static_cast<int>(bits >> 23) - 127 - least_exponent;
+    if (octave < 0) return m_slope * magnitude;
+    if (y >= m_end) return magnitude - m_end_loss * m_scale;
+    const Octave& o = m_octaves[static_cast<std::size_t>(octave)];
+    const std::uint32_t mantissa = bits & 0x7fffffu;
+    const int down = 23 - o.shift;
+    const std::uint32_t segment = mantissa >> down;
+    // The rest of the mantissa is the place in the segment.
+    const float t = static_cast<float>(mantissa - (segment << down)) *
+                    std::bit_cast<float>(static_cast<std::uint32_t>(127 - down) << 23);
+    const Cubic& c = m_cubics[static_cast<std::size_t>(o.begin) + segment];
+    return std::min(m_scale * (c.c0 + t * (c.c1 + t * (c.c2 + t * c.c3))), magnitude);
+}
+
+float PosteriorMeanTable::operator()(float y) const
+{
+    if (m_kind == Kind::identity) return y;
+    if (m_kind == Kind::zero) return 0.0f;
+    return std::copysign(evaluate(std::fabs(y)), y);
+}
+
+void PosteriorMeanTable::apply(std::span<const float> in, std::span<float> out) const
+{
+    if (m_kind == Kind::identity) {
+        std::ranges::copy(in, out.begin());
+        return;
+    }
+    if (m_kind == Kind::zero) {
+        std::ranges::fill(out, 0.0f);
+        return;
+    }
+    for (std::size_t i = 0; i < in.size(); ++i)
+        out[i] = std::copysign(evaluate(std::fabs(in[i])), in[i]);
+}
+
+} // namespace rayloom

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/transform/spread_kernel.h"
+
+#include "rayloom/image/border.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+namespace rayloom
+{
+namespace
+{
+
+/// [1 4 6 4 1]/16 at distance d along x and y: `in` covers r grown by 2d. `between` is scratch.
+void smooth(ConstImageView in, int d, const Region& r, ImageBuffer& between, ImageBuffer& out)
+{
+    const Region tall{r.x0, r.y0 - 2 * d, r.x1, r.y1 + 2 * d};
+    between.reshape(tall, 1);
+    out.reshape(r, 1);
+    const ImageView middle = between.view(), to = out.view();
+    const int n = r.width();
+    for (int y = tall.y0; y < tall.y1; ++y) {
+        const float* const a = in.ptr(0, r.x0 - 2 * d, y);
+        const float *const b = a + d, *const c = b + d, *const e = c + d, *const f = e + d;
+        float* const o = middle.row(0, y);
+        for (int i = 0; i < n; ++i)
+            o[i] = 0.0625f * (a[i] + f[i]) + (0.25f * (b[i] + e[i]) + 0.375f * c[i]);
+    }
+    for (int y = r.y0; y < r.y1; ++y) {
+        const float *const a = middle.row(0, y - 2 * d), *const b = middle.row(0, y - d),
+                           *const c = middle.row(0, y), *const e = middle.row(0, y + d),
+                           *const f = middle.row(0, y + 2 * d);
+        float* const o = to.row(0, y);
+        for (int i = 0; i < n; ++i)
+            o[i] = 0.0625f * (a[i] + f[i]) + (0.25f * (b[i] + e[i]) + 0.375f * c[i]);
+    }
+}
+
+/// K of `in`, in place of it; `in` covers r grown by spread_reach().
+void spread(int scale, const Region& r, ImageBuffer& in, ImageBuffer& between, ImageBuffer& other)
+{
+    for (int s = 0; s < scale; ++s) {
+        const int rest = spread_reach(scale) - spread_reach(s + 1);
+        smooth(in.view(), 1 << s, r.grown(Halo::all(rest)), between, other);
+        std::swap(in, other);
+    }
+}
+
+} // namespace
+
+std::size_t restore_energy_scratch(int scale, const Region& region)
+{
+    return 4 * ImageBuffer::bytes_for(region.grown(Halo::all(2 * spread_reach(scale))), 1);
+}
+
+void restore_energy(int scale, const Region& window, ConstImageView image, ConstImageView reference,
+                    ImageView out)
+{
+    const Region& r = out.region();
+    const Region once = r.grown(Halo::all(spread_reach(scale)));
+    const Region twice = r.grown(Halo::all(2 * spread_reach(scale)));
+    ImageBuffer share(twice, 1), between, other;
+    const auto mirror_x = [&](int x) {
+        return border_index(x, window.x0, window.x1, Border::mirror);
+    };
+    const auto mirror_y = [&](int y) {
+        return border_index(y, window.y0, window.y1, Border::mirror);
+    };
+    const auto load_row = [&](ConstImageView from, int y, const Region& to_region, float* to) {
+        const int source = mirror_y(y);
+        const int lo = std::clamp(window.x0, to_region.x0, to_region.x1);
+        const int hi = std::clamp(window.x1, lo, to_region.x1);
+        for (int x = to_region.x0; x < lo; ++x)
+            to[x - to_region.x0] = from.at(0, mirror_x(x), source);
+        if (lo < hi) std::copy_n(from.ptr(0, lo, source), hi - lo, to + (lo - to_region.x0));
+        for (int x = hi; x < to_region.x1; ++x)
+            to[x - to_region.x0] = from.at(0, mirror_x(x), source);
+    };
+    for (int y = twice.y0; y < twice.y1; ++y) {
+        float* const to = share.view().row(0, y);
+        load_row(image, y, twice, to);
+        for (int i = 0; i < twice.width(); ++i) to[i] = to[i] > 0.0f ? to[i] : 0.0f;
+    }
+    spread(scale, once, share, between, other);
+
+    // n / K f where there is something to share it by, and what there is not.
+    ImageBuffer kept(r, 1);
+    std::vector<float> n(static_cast<std::size_t>(once.width()));
+    constexpr float least = 1e-30f;
+    for (int y = once.y0; y < once.y1; ++y) {
+        load_row(reference, y, once, n.data());
+        float* const to = share.view().row(0, y);
+        if (y >= r.y0 && y < r.y1) {
+            float* const keep = kept.view().row(0, y);
+            const float* const mean = to + (r.x0 - once.x0);
+            const float* const own = n.data() + (r.x0 - once.x0);
+            for (int i = 0; i < r.width(); ++i) keep[i] = mean[i] > least ? 0.0f : own[i];
+        }
+        for (int i = 0; i < once.width(); ++i) {
+            const float mean = to[i];
+            const float safe = mean > least ? mean : 1.0f;
+            const float ratio = n[static_cast<std::size_t>(i)] / safe;
+            to[i] = mean > least ? ratio : 0.0f;
+        }
+    }
+    spread(scale, r, share, between, other);
+    for (int y = r.y0; y < r.y1; ++y) {
+        const float* const f = image.ptr(0, r.x0, y);
+        const float* const k = share.view().row(0, y);
+        const float* const keep = kept.view().row(0, y);
+        float* const to = out.row(0, y);
+        for (int i = 0; i < r.width(); ++i) to[i] = (f[i] > 0.0f ? f[i] : 0.0f) * k[i] + keep[i];
+    }
+}
+
+} // namespace rayloom
