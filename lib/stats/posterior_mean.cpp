@@ -2,6 +2,8 @@
 #include "rayloom/stats/posterior_mean.h"
 
 #include <boost/math/quadrature/gauss_kronrod.hpp>
+#include <boost/math/special_functions/gamma.hpp>
+#include <boost/math/tools/roots.hpp>
 
 #include <algorithm>
 #include <array>
@@ -38,6 +40,30 @@ SignalFit fit_signal(double second, double fourth, const GeneralisedLaplacian& n
                                 : fit.density.p == least_shape ? SignalStatus::shape_low
                                                                : SignalStatus::shape_high;
     return {fit.density, status};
+}
+
+GeneralisedLaplacian fit_quantiles(double median, double bound, double q)
+{
+    // ln (bound/median) falls with p.
+    const double wanted = std::log(std::max(bound / median, 1.0));
+    const auto excess = [&](double p) {
+        return std::log(boost::math::gamma_p_inv(1.0 / p, q) /
+                        boost::math::gamma_p_inv(1.0 / p, 0.5)) /
+                   p -
+               wanted;
+    };
+    GeneralisedLaplacian fit{1.0, least_shape};
+    if (excess(greatest_shape) >= 0.0) {
+        fit.p = greatest_shape;
+    } else if (excess(least_shape) > 0.0) {
+        std::uintmax_t steps = 100;
+        const auto [a, b] =
+            boost::math::tools::toms748_solve(excess, least_shape, greatest_shape,
+                                              boost::math::tools::eps_tolerance<double>(40), steps);
+        fit.p = 0.5 * (a + b);
+    }
+    fit.s = median / fit.median_absolute();
+    return fit;
 }
 
 // ------------------------------------------------------------------------------- posterior mean

@@ -38,6 +38,11 @@ struct SignalFit {
 SignalFit fit_signal(double second, double fourth, const GeneralisedLaplacian& noise,
                      double sampling_error = 0.0);
 
+/// The distribution with this median of |x| and this bound on a share `q` > ½ of all |x|; the shape
+/// is kept in range, the median is always met. Deaf to what a few outliers do. Precondition: both
+/// positive.
+GeneralisedLaplacian fit_quantiles(double median, double bound, double q);
+
 /// Posterior mean ĉ(y) = ∫ p_n(y−c) p_c(c) c dc / ∫ p_n(y−c) p_c(c) dc, equation (11), by adaptive
 /// Gauss–Kronrod quadrature of the integrand scaled by its maximum, split at its cusps (0 and y)
 /// and at its modes. Error ≤ 1e-6 s_n for p in [0.3, 4].

@@ -2,7 +2,6 @@
 #include "nodes/fit/band_figures.h"
 #include "rayloom/core/registry.h"
 
-#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -39,6 +38,10 @@ private:
     static constexpr int bin_bits = 5;
     static constexpr std::size_t bins = std::size_t{256} << bin_bits;
 
+    /// The share of |high-pass| whose bound, beside the median, tells the shape.
+    static constexpr double upper_share = 0.95;
+    static double quantile(std::span<const double> counts, double q);
+
     Params m_params;
     Source m_source = Source::given;
     SteerableBand m_band;
@@ -54,9 +57,10 @@ void FitNoise::describe(Declaration<Params>& d)
              "as the paper does. `auto` measures. With the same band of two half renders "
              "connected (a, b), (a − b)/2 is pure noise, of the strength that the mean of both "
              "has; its second and fourth moments give s and p, band by band. Without halves the "
-             "noise is taken to be independent from pixel to pixel (a box pixel filter), of "
-             "shape p, and to make up most of the high-pass: the median of |high-pass| gives its "
-             "scale there, and the gain of the band's filters its scale in the band. That "
+             "noise is taken to be independent from pixel to pixel (a box pixel filter) and to "
+             "make up most of the high-pass: the median of |high-pass| and the bound on 95 % of "
+             "it give scale and shape there, and the gain of the filters the scale in the band. "
+             "Coefficients that are exactly zero (a black background) are not counted. That "
              "overestimates noise in images with fine texture everywhere.\n\n"
              "The low-pass has no noise figures: it is not cored.")
         .source("001_6a300dc64642895d.txt, section 3; auto: MATH.md, section 3")
@@ -156,16 +160,20 @@ void FitNoise::combine(std::span<double> into, std::span<const double> other) co
     for (std::size_t i = 0; i < into.size(); ++i) into[i] += other[i];
 }
 
-/// The value half of the counts lie below, by straight interpolation within its bin.
-double median_of(std::span<const double> counts, int shift)
+/// The value a share q of the counted values lie below, by straight interpolation within its bin.
+/// Bin i holds the floats whose leading bits are i; bin 0 (zero) is left out.
+double FitNoise::quantile(std::span<const double> counts, double q)
 {
-    const double half = 0.5 * std::reduce(counts.begin(), counts.end());
+    counts = counts.subspan(1);
+    const double wanted = q * std::reduce(counts.begin(), counts.end());
     double below = 0.0;
     for (std::size_t b = 0; b < counts.size(); ++b) {
-        if (counts[b] > 0.0 && below + counts[b] >= half) {
-            const double lo = std::bit_cast<float>(static_cast<std::uint32_t>(b) << shift);
-            const double hi = std::bit_cast<float>(static_cast<std::uint32_t>(b + 1) << shift);
-            return b == 0 ? 0.0 : lo + (hi - lo) * (half - below) / counts[b];
+        if (counts[b] > 0.0 && below + counts[b] >= wanted) {
+            const auto edge = [](std::size_t bin) {
+                return static_cast<double>(
+                    std::bit_cast<float>(static_cast<std::uint32_t>(bin) << (23 - bin_bits)));
+            };
+            return edge(b + 1) + (edge(b + 2) - edge(b + 1)) * (wanted - below) / counts[b];
         }
         below += counts[b];
     }
@@ -195,10 +203,12 @@ std::map<std::string, Table, std::less<>> FitNoise::finish(std::span<const doubl
             break;
         }
         case Source::high_pass: {
-            const double median = median_of(totals.subspan(c * bins, bins), 23 - bin_bits);
-            const double unit = GeneralisedLaplacian{1.0, m_params.p}.median_absolute();
-            noise.s =
-                median / unit * m_band.white_noise_gain() / SteerableBand{}.white_noise_gain();
+            const auto counts = totals.subspan(c * bins, bins);
+            const double median = quantile(counts, 0.5);
+            if (median > 0.0) {
+                noise = fit_quantiles(median, quantile(counts, upper_share), upper_share);
+                noise.s *= m_band.white_noise_gain() / SteerableBand{}.white_noise_gain();
+            }
             source = "high-pass";
             break;
         }

@@ -182,17 +182,12 @@ int main(int argc, char** argv)
             Config base;
             one("auto", base);
             const bool v = verbose; verbose = false;
-            Config c = base; c.epsilon = 1e-2; one("eps1e-2", c);
-            c.epsilon = 1; one("eps1", c);
-            c = base; c.epsilon = 1; c.levels = 4; one("eps1_L4", c);
-            c.scale = 4; one("eps1_L4_s4", c);
-            c = base; c.epsilon = .1; c.scale = 4; one("eps.1_s4", c);
-            c = base; c.scale = 0; one("scale0", c);
-            c = base; c.first = true; one("luminance", c);
-            c = base; c.opponent = false; one("rgb", c);
-            c = base; c.halves = false; one("blind", c);
-            c = base; c.automatic = false; one("fixed.19", c);
-            c.s = .6; one("fixed.6", c);
+            Config c = base; c.opponent = false; one("rgb", c);
+            c.epsilon = 1e-3; one("rgb_1e-3", c);
+            c.epsilon = 1e-2; one("rgb_1e-2", c);
+            c.scale = 4; one("rgb_1e-2_s4", c);
+            c = base; c.automatic = false; c.s = .6; one("fixed.6", c);
+            if (s.name == "8x1") { c = base; c.halves = false; one("blind", c); c.opponent = false; one("blindrgb", c); }
             verbose = v;
         }
     }
