@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/stats/generalised_laplacian.h"
+#include "tests/support/log_graphs.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace rayloom::test
+{
+namespace
+{
+
+/// A "high-pass" of independent draws of c + n, made without any filter.
+std::shared_ptr<MemoryImage> draws(const GeneralisedLaplacian& c, const GeneralisedLaplacian& n)
+{
+    std::mt19937_64 random(11);
+    const auto draw = [&](const GeneralisedLaplacian& d) {
+        if (d.s == 0.0) return 0.0;
+        std::gamma_distribution<double> gamma(1.0 / d.p, 1.0);
+        const double x = d.s * std::pow(gamma(random), 1.0 / d.p);
+        return random() % 2 == 0 ? x : -x;
+    };
+    return image_of({0, 0, 1000, 1000}, {"high.Y"},
+                    [&](int, int, int) { return static_cast<float>(draw(c) + draw(n)); });
+}
+
+Table fit(const std::shared_ptr<MemoryImage>& band, const std::string& noise)
+{
+    RunReport report;
+    run_text(graph_of((noise.empty() ? std::string()
+                                     : "  noise: {op: fit.noise, band: image, noise: given, " +
+                                           noise + "}\n") +
+                          "  fit: {op: fit.laplacian, band: image" +
+                          (noise.empty() ? "" : ", noise: noise.figures") + "}\n",
+                      "image", "  figures: fit.figures\n"),
+             {{"image", band}}, {}, {}, &report);
+    return report.tables.at("figures").front();
+}
+
+TEST(FitLaplacian, RecoversScaleAndShapeFromAMillionDraws)
+{
+    const Table alone = fit(draws({0.7, 0.9}, {0.0, 2.0}), "");
+    EXPECT_NEAR(alone.number("s_c"), 0.7, 0.014);
+    EXPECT_NEAR(alone.number("p_c"), 0.9, 0.018);
+    // Noise of the high-pass is 2s.
+    const Table beneath = fit(draws({0.7, 0.9}, {0.3, 1.5}), "s: 0.15, p: 1.5");
+    EXPECT_NEAR(beneath.number("s_c"), 0.7, 0.02);
+    EXPECT_NEAR(beneath.number("p_c"), 0.9, 0.025);
+    EXPECT_EQ(std::get<std::string>(beneath.rows[0].back()), "fitted");
+}
+
+TEST(FitLaplacian, ABandOfNoiseHasNoSignal)
+{
+    const Table table = fit(draws({0.0, 2.0}, {0.3, 1.5}), "s: 0.15, p: 1.5");
+    EXPECT_EQ(table.number("s_c"), 0.0);
+    EXPECT_EQ(std::get<std::string>(table.rows[0].back()), "all noise");
+}
+
+TEST(FitLaplacian, AConstantBandIsFitted)
+{
+    const auto band = image_of({0, 0, 9, 9}, {"high.Y"}, [](int, int, int) { return 0.0f; });
+    EXPECT_EQ(fit(band, "s: 0.1").number("s_c"), 0.0);
+    EXPECT_EQ(fit(band, "").number("s_c"), 0.0);
+}
+
+TEST(FitLaplacian, AnImageThatIsNoBandIsRefused)
+{
+    const auto image = image_of({0, 0, 9, 9}, {"Y"}, [](int, int, int) { return 0.0f; });
+    EXPECT_THROW(fit(image, ""), GraphError);
+}
+
+} // namespace
+} // namespace rayloom::test

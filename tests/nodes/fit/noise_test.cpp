@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/support/log_graphs.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace rayloom::test
+{
+namespace
+{
+
+/// Texture and independent noise; `first` and `second` share the texture alone.
+std::shared_ptr<MemoryImage> noisy(unsigned seed, float sigma)
+{
+    std::mt19937 random(seed);
+    std::normal_distribution<float> noise(0.0f, sigma);
+    return image_of({0, 0, 300, 240}, {"R", "G"}, [&](int c, int x, int y) {
+        return std::sin(0.05f * static_cast<float>(x + 2 * y)) + (x / 40 + y / 40 + c) % 2 +
+               noise(random);
+    });
+}
+
+std::vector<Table> tables_of(const std::string& nodes, const std::string& inputs,
+                             std::map<std::string, std::shared_ptr<const MemoryImage>> images)
+{
+    RunReport report;
+    run_text("rayloom: 1\nname: test\ninputs:\n" + inputs + "nodes:\n" + nodes +
+                 "outputs:\n  image: image\n  figures: noise.figures\n",
+             std::move(images), {}, {}, &report);
+    return report.tables.at("figures");
+}
+
+TEST(FitNoise, HalvesShowTheNoiseOfTheirMean)
+{
+    // Each half has deviation 0.4, the mean of both 0.4/√2; the texture drops out.
+    const auto a = noisy(1, 0.4f), b = noisy(2, 0.4f);
+    const auto figures =
+        tables_of("  bands: {op: multiscale.steerable, image: image}\n"
+                  "  bands_a: {op: multiscale.steerable, image: a}\n"
+                  "  bands_b: {op: multiscale.steerable, image: b}\n"
+                  "  noise: {op: fit.noise, band: bands, a: bands_a, b: bands_b}\n",
+                  "  image: any\n  a: any\n  b: any\n", {{"image", a}, {"a", a}, {"b", b}});
+    ASSERT_EQ(figures.size(), 14u);
+    for (std::size_t i = 0; i < 13; ++i) {
+        const double gain = i == 0 ? std::sqrt(41.0 / 64.0) : i % 2 == 1 ? std::sqrt(0.125) : 0.25;
+        for (std::size_t c = 0; c < 2; ++c) {
+            EXPECT_NEAR(figures[i].number("deviation", c), gain * 0.4 / std::sqrt(2.0),
+                        gain * 0.4 * (i < 9 ? 0.05 : 0.12))
+                << i;
+            EXPECT_NEAR(figures[i].number("p_n", c), 2.0, i < 5 ? 0.15 : 0.8) << i;
+        }
+    }
+    EXPECT_EQ(figures[13].number("s_n", 0), 0.0);
+}
+
+TEST(FitNoise, TheHighPassOfOneImageWillDo)
+{
+    const auto image = noisy(3, 0.4f);
+    const auto figures = tables_of("  bands: {op: multiscale.steerable, image: image, levels: 2}\n"
+                                   "  noise: {op: fit.noise, band: bands, high: 'bands[0]'}\n",
+                                   "  image: any\n", {{"image", image}});
+    for (std::size_t i = 0; i < 9; ++i) {
+        const double gain = i == 0 ? std::sqrt(41.0 / 64.0) : i % 2 == 1 ? std::sqrt(0.125) : 0.25;
+        // The edges of the texture add a little.
+        EXPECT_NEAR(figures[i].number("deviation", 1), gain * 0.4, gain * 0.4 * 0.15) << i;
+    }
+}
+
+TEST(FitNoise, GivenFiguresAreDoubledInTheHighPass)
+{
+    const auto image = noisy(4, 0.1f);
+    const auto figures =
+        tables_of("  bands: {op: multiscale.steerable, image: image, levels: 1}\n"
+                  "  noise: {op: fit.noise, band: bands, noise: given, s: 0.25, p: 1.25}\n",
+                  "  image: any\n", {{"image", image}});
+    EXPECT_EQ(figures[0].number("s_n", 0), 0.5);
+    EXPECT_EQ(figures[1].number("s_n", 1), 0.25);
+    EXPECT_EQ(figures[1].number("p_n", 1), 1.25);
+}
+
+TEST(FitNoise, NothingToMeasureByIsAnError)
+{
+    const auto image = noisy(5, 0.1f);
+    EXPECT_THROW(tables_of("  bands: {op: multiscale.steerable, image: image}\n"
+                           "  noise: {op: fit.noise, band: bands}\n",
+                           "  image: any\n", {{"image", image}}),
+                 GraphError);
+    EXPECT_THROW(tables_of("  bands: {op: multiscale.steerable, image: image}\n"
+                           "  noise: {op: fit.noise, band: bands, a: bands}\n",
+                           "  image: any\n", {{"image", image}}),
+                 GraphError);
+    EXPECT_THROW(tables_of("  bands: {op: multiscale.steerable, image: image}\n"
+                           "  noise: {op: fit.noise, band: bands, high: 'bands[1]'}\n",
+                           "  image: any\n", {{"image", image}}),
+                 GraphError);
+}
+
+} // namespace
+} // namespace rayloom::test

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/transform/log_kernel.h"
+#include "tests/support/log_graphs.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace rayloom::test
+{
+namespace
+{
+
+TEST(Exp, KernelFollowsTheLibrary)
+{
+    for (float y = -80.0f; y < 80.0f; y += 0.0173f)
+        ASSERT_NEAR(exp_of(y) / std::exp(static_cast<double>(y)), 1.0, 2.5e-7) << y;
+    EXPECT_TRUE(std::isfinite(exp_of(1e30f)));
+    EXPECT_GE(exp_of(-1e30f), 0.0f);
+}
+
+TEST(Exp, UndoesTheLogarithm)
+{
+    const auto image = image_of({-3, 2, 40, 30}, {"R", "G", "B"}, [](int c, int x, int y) {
+        return (x + y) % 7 == 0
+                   ? 0.0f
+                   : std::exp(0.37f * static_cast<float>((x * 5 + y * 3 + c) % 40) - 8.0f);
+    });
+    for (const char* opponent : {"false", "true"}) {
+        const MemoryImage out = run_text(
+            graph_of(std::string("  log: {op: transform.log, image: image, opponent: ") + opponent +
+                         "}\n"
+                         "  back: {op: transform.exp, image: log.log, figures: log.figures, "
+                         "opponent: " +
+                         opponent + "}\n",
+                     "back"),
+            {{"image", image}});
+        EXPECT_EQ(out.desc.channels, image->desc.channels);
+        for (int y = 2; y < 30; ++y)
+            for (int c = 0; c < 3; ++c)
+                for (int x = -3; x < 40; ++x) {
+                    const float v = image->pixels.view().at(c, x, y);
+                    ASSERT_NEAR(out.pixels.view().at(c, x, y), v, 1e-5 * v + 1e-7) << opponent;
+                }
+    }
+}
+
+TEST(Exp, AxesMustAgree)
+{
+    const auto image = image_of({0, 0, 5, 5}, {"R", "G", "B"}, [](int, int, int) { return 1.0f; });
+    EXPECT_THROW(run_text(graph_of("  log: {op: transform.log, image: image}\n"
+                                   "  back: {op: transform.exp, image: log.log, figures: "
+                                   "log.figures, opponent: true}\n",
+                                   "back"),
+                          {{"image", image}}),
+                 InputError);
+}
+
+} // namespace
+} // namespace rayloom::test

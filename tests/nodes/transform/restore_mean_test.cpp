@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/error.h"
+#include "rayloom/image/border.h"
+#include "tests/support/run_node.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace rayloom
+{
+namespace
+{
+
+using test::make_image;
+using test::NodeRun;
+using test::run_node;
+using test::TestImage;
+
+TestImage positive(const Region& window, unsigned seed)
+{
+    std::mt19937 random(seed);
+    std::exponential_distribution<float> value(1.0f);
+    return make_image(window, {"R"}, [&](int, int, int) { return value(random); });
+}
+
+NodeRun restore(const TestImage& image, const TestImage& reference, int scale)
+{
+    return run_node("transform.restore_mean", {{"scale", std::int64_t{scale}}},
+                    {{"image", {&image}}, {"reference", {&reference}}});
+}
+
+double sum(const TestImage& image)
+{
+    double total = 0.0;
+    const Region& r = image.desc.data;
+    for (int y = r.y0; y < r.y1; ++y)
+        for (int x = r.x0; x < r.x1; ++x) total += image.view().at(0, x, y);
+    return total;
+}
+
+/// K of an image, straight from its definition: the kernel is applied to the mirrored image.
+std::vector<double> spread(const Region& window, std::vector<double> in, int scale)
+{
+    const double taps[] = {1, 4, 6, 4, 1};
+    const int w = window.width(), h = window.height();
+    for (int s = 0; s < scale; ++s) {
+        std::vector<double> out(in.size(), 0.0);
+        for (int y = 0; y < h; ++y)
+            for (int x = 0; x < w; ++x)
+                for (int j = -2; j <= 2; ++j)
+                    for (int i = -2; i <= 2; ++i)
+                        out[static_cast<std::size_t>(y * w + x)] +=
+                            taps[i + 2] * taps[j + 2] / 256.0 *
+                            in[static_cast<std::size_t>(
+                                border_index(y + (j << s), 0, h, Border::mirror) * w +
+                                border_index(x + (i << s), 0, w, Border::mirror))];
+        in = out;
+    }
+    return in;
+}
+
+TEST(RestoreMean, FollowsItsDefinition)
+{
+    for (const Region& window : {Region{-4, 2, 27, 21}, Region{0, 0, 1, 13}, Region{3, 3, 4, 4}}) {
+        const TestImage image = positive(window, 1), reference = positive(window, 2);
+        const NodeRun run = restore(image, reference, 3);
+        std::vector<double> f, n;
+        for (int y = window.y0; y < window.y1; ++y)
+            for (int x = window.x0; x < window.x1; ++x) {
+                f.push_back(image.view().at(0, x, y));
+                n.push_back(reference.view().at(0, x, y));
+            }
+        const std::vector<double> mean = spread(window, f, 3);
+        for (std::size_t i = 0; i < n.size(); ++i) n[i] /= mean[i];
+        const std::vector<double> share = spread(window, n, 3);
+        std::size_t i = 0;
+        for (int y = window.y0; y < window.y1; ++y)
+            for (int x = window.x0; x < window.x1; ++x, ++i)
+                ASSERT_NEAR(run.image().view().at(0, x, y), f[i] * share[i],
+                            1e-5 * (1.0 + f[i] * share[i]));
+    }
+}
+
+TEST(RestoreMean, KeepsTheSum)
+{
+    const Region window{0, 0, 131, 89};
+    TestImage image = positive(window, 3), reference = positive(window, 4);
+    reference.view().at(0, 2, 1) = 1e5f;
+    for (int y = 0; y < 60; ++y)
+        for (int x = 40; x < 120; ++x) image.view().at(0, x, y) = y % 3 == 0 ? -1.0f : 0.0f;
+    for (const int scale : {1, 3, 5})
+        EXPECT_NEAR(sum(restore(image, reference, scale).image()) / sum(reference), 1.0, 2e-6);
+}
+
+TEST(RestoreMean, ASlowFactorCancels)
+{
+    const Region window{0, 0, 64, 64};
+    const TestImage truth =
+        make_image(window, {"R"}, [](int, int x, int) { return x < 32 ? 1.0f : 5.0f; });
+    const TestImage dark =
+        make_image(window, {"R"}, [](int, int x, int) { return x < 32 ? 0.3f : 1.5f; });
+    const NodeRun run = restore(dark, truth, 3);
+    for (int y = 0; y < 64; ++y)
+        for (int x = 0; x < 64; ++x)
+            ASSERT_NEAR(run.image().view().at(0, x, y), truth.view().at(0, x, y), 1e-5);
+}
+
+TEST(RestoreMean, WhereTheFilteredImageIsBlackTheReferenceStays)
+{
+    const Region window{0, 0, 30, 30};
+    const TestImage black = make_image(window, {"R"}, [](int, int, int) { return 0.0f; });
+    const TestImage reference = positive(window, 5);
+    EXPECT_EQ(differing_floats(restore(black, reference, 2).image(), reference), 0u);
+}
+
+TEST(RestoreMean, ChannelsMustAgree)
+{
+    const TestImage one = positive({0, 0, 8, 8}, 6);
+    const TestImage three =
+        make_image({0, 0, 8, 8}, {"R", "G", "B"}, [](int, int, int) { return 1.0f; });
+    EXPECT_THROW(restore(one, three, 2), NodeError);
+}
+
+} // namespace
+} // namespace rayloom
