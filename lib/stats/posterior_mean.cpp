@@ -10,7 +10,6 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 
 namespace rayloom
 {
@@ -337,19 +336,15 @@ PosteriorMeanTable::PosteriorMeanTable(const GeneralisedLaplacian& signal,
         m_octaves.push_back({static_cast<int>(m_cubics.size()), shift});
         for (std::size_t i = 0; i < n; ++i) {
             std::array<double, 4> c = cubic(i);
-            // Where the samples rise, the curve rises: a cubic that turns inside its segment
+            // Where noise is log-concave the curve rises: a cubic that turns inside its segment
             // gives way to the straight line.
-            const std::size_t first = std::clamp<std::size_t>(i, 1, n - 2) - 1;
-            const auto around = std::span(sample).subspan(first, 4);
             const double disc = c[2] * c[2] - 3.0 * c[1] * c[3];
             bool turns = c[1] * (c[1] + 2.0 * c[2] + 3.0 * c[3]) < 0.0;
             if (!turns && disc > 0.0 && c[3] != 0.0)
                 for (const double root : {(-c[2] - std::sqrt(disc)) / (3.0 * c[3]),
                                           (-c[2] + std::sqrt(disc)) / (3.0 * c[3])})
                     turns = turns || (root > 0.0 && root < 1.0);
-            turns = turns && (std::ranges::is_sorted(around) ||
-                              std::ranges::is_sorted(around, std::ranges::greater()));
-            if (turns) c = {sample[i], sample[i + 1] - sample[i], 0.0, 0.0};
+            if (turns && noise.p >= 1.0) c = {sample[i], sample[i + 1] - sample[i], 0.0, 0.0};
             m_cubics.push_back({static_cast<float>(c[0]), static_cast<float>(c[1]),
                                 static_cast<float>(c[2]), static_cast<float>(c[3])});
         }

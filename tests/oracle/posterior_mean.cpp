@@ -23,15 +23,22 @@ double posterior_mean(double y, double signal_s, double signal_p, double noise_s
     std::vector<double> edges{-reach, reach};
     for (const double cusp : {0.0, y}) {
         edges.push_back(cusp);
-        for (double d = 1e-7 * std::min(signal_s, noise_s); d < reach; d *= 1.7)
+        for (double d = 1e-7 * std::min(signal_s, noise_s); d < reach; d *= 2.2)
             for (const double edge : {cusp - d, cusp + d})
                 if (std::fabs(edge) < reach) edges.push_back(edge);
     }
-    // Modes between the cusps, too, need edges near them.
-    for (int i = 1; i < 400; ++i) edges.push_back(y * i / 400.0);
+    // A mode between the cusps can be narrower than any grid: edges close in on it.
+    for (int i = 1; i < 60; ++i) edges.push_back(y * i / 60.0);
+    double best = *std::ranges::max_element(edges, {}, exponent);
+    for (double step = std::fabs(y) / 60.0; step > 1e-9 * std::fabs(y); step *= 0.5) {
+        for (const double c : {best - step, best + step}) {
+            edges.push_back(c);
+            if (exponent(c) > exponent(best)) best = c;
+        }
+    }
+    edges.push_back(best);
     std::ranges::sort(edges);
-    double top = -1e300;
-    for (const double c : edges) top = std::max(top, exponent(c));
+    const double top = exponent(best);
     double mass = 0.0, first = 0.0;
     using Rule = boost::math::quadrature::gauss_kronrod<double, 31>;
     for (std::size_t i = 1; i < edges.size(); ++i) {

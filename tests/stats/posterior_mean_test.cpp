@@ -23,7 +23,7 @@ TEST(PosteriorMean, TableAndQuadratureFollowTheOracle)
                 const GeneralisedLaplacian signal{ratio * s_n, signal_p}, noise{s_n, noise_p};
                 const PosteriorMeanTable table(signal, noise, 100.0 * s_n);
                 std::uniform_real_distribution<double> power(-5.0, 2.0);
-                for (int i = 0; i < 6; ++i) {
+                for (int i = 0; i < 4; ++i) {
                     const auto y = static_cast<float>(i == 0 ? 100.0 * s_n
                                                              : s_n * std::pow(10.0, power(random)));
                     const double expected =
@@ -80,8 +80,9 @@ TEST(PosteriorMean, IsOddAndNeverGrowsAndRisesWhereNoiseIsLogConcave)
                 ASSERT_EQ(table(-y), -c) << y;
                 ASSERT_LE(c, y) << y;
                 ASSERT_GE(c, 0.0f) << y;
-                if (noise_p >= 1.0)
+                if (noise_p >= 1.0) {
                     ASSERT_GE(c, before) << "p_c " << signal_p << " p_n " << noise_p << " y " << y;
+                }
                 before = c * (1.0f - 2e-7f);
             }
             EXPECT_EQ(table(0.0f), 0.0f);

@@ -16,8 +16,8 @@ std::shared_ptr<MemoryImage> noisy(unsigned seed, float sigma)
     std::mt19937 random(seed);
     std::normal_distribution<float> noise(0.0f, sigma);
     return image_of({0, 0, 300, 240}, {"R", "G"}, [&](int c, int x, int y) {
-        return std::sin(0.05f * static_cast<float>(x + 2 * y)) + (x / 40 + y / 40 + c) % 2 +
-               noise(random);
+        return std::sin(0.05f * static_cast<float>(x + 2 * y)) +
+               static_cast<float>((x / 40 + y / 40 + c) % 2) + noise(random);
     });
 }
 

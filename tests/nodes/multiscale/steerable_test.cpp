@@ -97,8 +97,12 @@ TEST(Steerable, OrientationsAnswerToTheirDirection)
                         band.view().at(0, x, y) / steerable_band(o + 1, 1).white_noise_gain(), 2.0);
         }
         for (int o = 0; o < 4; ++o) {
-            if (o != d) EXPECT_LT(energy[o], energy[d]) << "grating " << d << ", band " << o;
-            if (o == (d + 2) % 4) EXPECT_LT(energy[o], 0.02 * energy[d]);
+            if (o != d) {
+                EXPECT_LT(energy[o], energy[d]) << "grating " << d << ", band " << o;
+            }
+            if (o == (d + 2) % 4) {
+                EXPECT_LT(energy[o], 0.02 * energy[d]);
+            }
         }
     }
 }

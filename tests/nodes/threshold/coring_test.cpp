@@ -134,9 +134,10 @@ TEST(Coring, OddImagesStayFinite)
                 const MemoryImage out =
                     run_text(graph_of(whole(noise), "clean"), {{"image", image}});
                 EXPECT_TRUE(all_finite(out)) << window.text() << ", kind " << kind;
-                if (mean_of(*image, 1) > 0.0)
+                if (mean_of(*image, 1) > 0.0) {
                     EXPECT_NEAR(mean_of(out, 1) / mean_of(*image, 1), 1.0, 0.005)
                         << window.text() << ", kind " << kind;
+                }
             }
         }
 }
