@@ -20,17 +20,19 @@ public:
     {
         d.name("transform.restore_mean")
             .summary("Gives a filtered image back the local mean of the image it was made from.")
-            .doc("Every pixel of the reference hands its energy to its neighbours in proportion "
-                 "to what the filtered image f has there: out = f · K(n / K f), where n is the "
-                 "reference and K a smooth symmetric kernel. Nothing is lost or made: the "
-                 "sum of the image is the sum of the reference, to rounding, whatever f is. "
-                 "Where f follows the true image up to a slowly varying factor, that factor (the "
-                 "loss of energy by averaging logarithms) cancels. Where f is black all over the "
-                 "kernel, the reference's energy stays where it is.\n\n"
-                 "K is the cubic B-spline kernel [1 4 6 4 1]/16 repeated at distances 1, 2, 4, … "
-                 "(`scale` times), the image mirrored beyond its edges; its deviation is "
-                 "√((4^scale − 1)/3) pixels: 4.6 at scale 3, 9.2 at 4. Channels are treated "
-                 "alike and apart. Negative values of f count as zero.")
+            .doc(
+                "Every pixel of the reference hands its energy to its neighbours in proportion "
+                "to what the filtered image f has there: out = f · K(n / K f), where n is the "
+                "reference and K a smooth symmetric kernel. Nothing is lost or made: the "
+                "sum of the image is the sum of the reference, to rounding, whatever f is. "
+                "Where f is smooth over the kernel and off by a slowly varying factor, that factor "
+                "(the loss of energy by averaging logarithms) cancels. Beside a much brighter "
+                "step the dark side comes out too dark, as K f is not f there. Where f is black "
+                "all over the kernel, the reference's energy stays where it is.\n\n"
+                "K is the cubic B-spline kernel [1 4 6 4 1]/16 repeated at distances 1, 2, 4, … "
+                "(`scale` times), the image mirrored beyond its edges; its deviation is "
+                "√((4^scale − 1)/3) pixels: 4.6 at scale 3, 9.2 at 4. Channels are treated "
+                "alike and apart. Negative values of f count as zero.")
             .source("MATH.md, section 3 (energy after the logarithm)")
             .accuracy("Sum of the image kept to 1e-6, in single precision.")
             .example("rayloom: 1\n"

@@ -23,7 +23,7 @@ TEST(PosteriorMean, TableAndQuadratureFollowTheOracle)
                 const GeneralisedLaplacian signal{ratio * s_n, signal_p}, noise{s_n, noise_p};
                 const PosteriorMeanTable table(signal, noise, 100.0 * s_n);
                 std::uniform_real_distribution<double> power(-5.0, 2.0);
-                for (int i = 0; i < 4; ++i) {
+                for (int i = 0; i < 2; ++i) {
                     const auto y = static_cast<float>(i == 0 ? 100.0 * s_n
                                                              : s_n * std::pow(10.0, power(random)));
                     const double expected =

@@ -97,14 +97,15 @@ TEST(RestoreMean, KeepsTheSum)
 TEST(RestoreMean, ASlowFactorCancels)
 {
     const Region window{0, 0, 64, 64};
-    const TestImage truth =
-        make_image(window, {"R"}, [](int, int x, int) { return x < 32 ? 1.0f : 5.0f; });
+    const auto wave = [](int x) { return 2.0f + std::sin(0.03f * static_cast<float>(x)); };
+    const TestImage truth = make_image(window, {"R"}, [&](int, int x, int) { return wave(x); });
     const TestImage dark =
-        make_image(window, {"R"}, [](int, int x, int) { return x < 32 ? 0.3f : 1.5f; });
+        make_image(window, {"R"}, [&](int, int x, int) { return 0.3f * wave(x); });
     const NodeRun run = restore(dark, truth, 3);
     for (int y = 0; y < 64; ++y)
         for (int x = 0; x < 64; ++x)
-            ASSERT_NEAR(run.image().view().at(0, x, y), truth.view().at(0, x, y), 1e-4);
+            ASSERT_NEAR(run.image().view().at(0, x, y), truth.view().at(0, x, y),
+                        0.01 * truth.view().at(0, x, y));
 }
 
 TEST(RestoreMean, WhereTheFilteredImageIsBlackTheReferenceStays)
