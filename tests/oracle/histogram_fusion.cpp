@@ -157,7 +157,14 @@ void conserve_count(const Raster<double>& full, Raster<double>& level)
     for (double& v : level.values) v *= factor;
 }
 
-Raster<double> upsample(const Raster<double>& image, int width, int height)
+namespace
+{
+
+/// Calls `visit(i, j, weight)` for the 4 × 4 pixels of a width × height image that U makes the
+/// pixel (x, y) of one of `to_width` × `to_height` from, mirrored ones included.
+template <class Visit>
+void for_each_tap(int width, int height, int to_width, int to_height, int x, int y,
+                  const Visit& visit)
 {
     // Keys' cubic convolution kernel with a = −1/2.
     const auto keys = [](double d) {
@@ -166,34 +173,61 @@ Raster<double> upsample(const Raster<double>& image, int width, int height)
         if (d < 2.0) return -0.5 * d * d * d + 2.5 * d * d - 4.0 * d + 2.0;
         return 0.0;
     };
+    const double sx = (x + 0.5) * width / to_width - 0.5;
+    const double sy = (y + 0.5) * height / to_height - 0.5;
+    const int px = static_cast<int>(std::floor(sx)), py = static_cast<int>(std::floor(sy));
+    for (int j = py - 1; j <= py + 2; ++j)
+        for (int i = px - 1; i <= px + 2; ++i)
+            visit(mirrored(i, width), mirrored(j, height), keys(sx - i) * keys(sy - j));
+}
+
+} // namespace
+
+Raster<double> upsample(const Raster<double>& image, int width, int height)
+{
     Raster<double> out(width, height, image.channels);
     for (int c = 0; c < image.channels; ++c)
         for (int y = 0; y < height; ++y)
-            for (int x = 0; x < width; ++x) {
-                const double sx = (x + 0.5) * image.width / width - 0.5;
-                const double sy = (y + 0.5) * image.height / height - 0.5;
-                const int px = static_cast<int>(std::floor(sx)),
-                          py = static_cast<int>(std::floor(sy));
-                double sum = 0.0;
-                for (int j = py - 1; j <= py + 2; ++j)
-                    for (int i = px - 1; i <= px + 2; ++i)
-                        sum += keys(sx - i) * keys(sy - j) *
-                               image.at(c, mirrored(i, image.width), mirrored(j, image.height));
-                out.at(c, x, y) = sum;
-            }
+            for (int x = 0; x < width; ++x)
+                for_each_tap(image.width, image.height, width, height, x, y,
+                             [&](int i, int j, double weight) {
+                                 out.at(c, x, y) += weight * image.at(c, i, j);
+                             });
     return out;
 }
 
-Raster<double> recombine(std::span<const Raster<double>> levels)
+Raster<double> recombine(std::span<const Raster<double>> levels, RecombineLimit limit)
 {
     Raster<double> result = levels.back();
-    for (std::size_t i = levels.size() - 1; i-- > 0;) {
-        const Raster<double>& fine = levels[i];
-        const auto low = upsample(downsample(fine, 1), fine.width, fine.height);
-        const auto coarse = upsample(result, fine.width, fine.height);
+    for (std::size_t l = levels.size() - 1; l-- > 0;) {
+        const Raster<double>& fine = levels[l];
+        const Raster<double> coarse = result;
+        const Raster<double> low = downsample(fine, 1);
         result = fine;
-        for (std::size_t k = 0; k < result.values.size(); ++k)
-            result.values[k] += coarse.values[k] - low.values[k];
+        for (int c = 0; c < fine.channels; ++c)
+            for (int y = 0; y < fine.height; ++y)
+                for (int x = 0; x < fine.width; ++x) {
+                    const double u = fine.at(c, x, y);
+                    double least = u, most = u, value = u;
+                    for_each_tap(coarse.width, coarse.height, fine.width, fine.height, x, y,
+                                 [&](int i, int j, double weight) {
+                                     const double d = low.at(c, i, j);
+                                     double share = 1.0;
+                                     if (limit == RecombineLimit::share && d > 0.0)
+                                         share = std::min(1.0, 2.0 * std::max(u, 0.0) / d);
+                                     value += weight * share * (coarse.at(c, i, j) - d);
+                                     least = std::min(least, coarse.at(c, i, j));
+                                     most = std::max(most, coarse.at(c, i, j));
+                                 });
+                    for (int j = std::max(0, y - 1); j <= std::min(fine.height - 1, y + 1); ++j)
+                        for (int i = std::max(0, x - 1); i <= std::min(fine.width - 1, x + 1);
+                             ++i) {
+                            least = std::min(least, fine.at(c, i, j));
+                            most = std::max(most, fine.at(c, i, j));
+                        }
+                    result.at(c, x, y) =
+                        limit == RecombineLimit::none ? value : std::clamp(value, least, most);
+                }
     }
     return result;
 }

@@ -71,8 +71,13 @@ Raster<double> downsample(const Raster<double>& image, int s);
 void conserve_count(const Raster<double>& full, Raster<double>& level);
 /// U: Keys' bicubic to a given size.
 Raster<double> upsample(const Raster<double>& image, int width, int height);
-/// Algorithm 2, lines 7 to 9, from the coarsest level to the finest.
-Raster<double> recombine(std::span<const Raster<double>> levels);
+enum class RecombineLimit { none, range, share };
+/// Algorithm 2, lines 7 to 9, from the coarsest level to the finest. Not in the paper: with `share`
+/// coarse pixel k gives pixel x no more than min(1, 2·u(x) / D(u)(k)) of its change; with `range`
+/// and `share` each value is brought between those of the 3 × 3 pixels of u around it and the
+/// 4 × 4 of the coarser result it is interpolated from.
+Raster<double> recombine(std::span<const Raster<double>> levels,
+                         RecombineLimit limit = RecombineLimit::none);
 
 /// Adds one colour sample to a histogram of `bins` bins a channel and a count.
 void add_sample(std::span<double> histogram, std::span<const double> colour, int bins, double gamma,
