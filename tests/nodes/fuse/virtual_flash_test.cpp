@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The whole of graphs/virtual-flash.yaml on real renders.
+#include "rayloom/engine/run.h"
+#include "rayloom/graph/reader.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+namespace rayloom
+{
+namespace
+{
+
+const std::filesystem::path source = RAYLOOM_SOURCE_DIR;
+
+RunRequest request_for(const std::filesystem::path& scene, int samples)
+{
+    RunRequest request;
+    InputBinding& stack = request.inputs["stack"];
+    stack.is_list = true;
+    for (int i = 1; i <= samples; ++i) {
+        char name[16];
+        std::snprintf(name, sizeof name, "s%02d.exr", i);
+        stack.files.push_back({(scene / "stack" / name).string(), "Combined"});
+    }
+    request.inputs["partial"].files = {{(scene / "flash_16.exr").string(), "partial_d1"}};
+    request.inputs["flash_unit"].files = {{(scene / "flash_16.exr").string(), "flash_unit"}};
+    request.inputs["reference"].files = {{(scene / "ref.exr").string(), "Combined"}};
+    return request;
+}
+
+/// Figures of a table output of a study's graph.
+Table figures(const RunReport& report, const char* output)
+{
+    return report.tables.at(output).front();
+}
+
+TEST(VirtualFlash, ErrorFallsWithSamplesAndLightIsKept)
+{
+    const Graph graph = read_graph((source / "tests/studies/virtual_flash_readings.yaml").string());
+    for (const char* scene : {"caustics", "interior", "dof"}) {
+        double before = 1e30;
+        for (const int samples : {4, 8, 16}) {
+            RunRequest request = request_for(source / "tests/data/cycles" / scene, samples);
+            request.outputs["noisy"] = {};
+            request.outputs["d"] = {};
+            const RunReport report = run_graph(graph, request);
+            const Table noisy = figures(report, "noisy"), result = figures(report, "d");
+            EXPECT_LT(result.number("relmse"), before) << scene << " " << samples;
+            EXPECT_LT(result.number("relmse"), 0.5 * noisy.number("relmse"))
+                << scene << " " << samples;
+            EXPECT_NEAR(result.number("brightness_ratio") / noisy.number("brightness_ratio"), 1.0,
+                        0.03)
+                << scene << " " << samples;
+            before = result.number("relmse");
+        }
+    }
+}
+
+TEST(VirtualFlash, IntervalsHoldTheTruthAsOftenAsThePaperHasIt)
+{
+    const Graph graph = read_graph((source / "tests/studies/virtual_flash_coverage.yaml").string());
+    RunRequest request = request_for(source / "tests/data/cycles/dof", 16);
+    for (const auto& [confidence, expected] :
+         {std::pair{"0.95", 0.901}, std::pair{"0.98", 0.929}, std::pair{"0.99", 0.943}}) {
+        request.param_texts["confidence"] = confidence;
+        const Table coverage = figures(run_graph(graph, request), "coverage");
+        EXPECT_NEAR(coverage.number("interval"), expected, 0.03) << confidence;
+        EXPECT_GT(coverage.number("bound"), coverage.number("interval"));
+    }
+}
+
+TEST(VirtualFlash, AClampedResultLiesInItsInterval)
+{
+    const Graph graph = read_graph((source / "graphs/virtual-flash.yaml").string());
+    RunRequest request = request_for(source / "tests/data/cycles/interior", 8);
+    request.inputs.erase("reference");
+    const auto outside = [&](const char* clamp) {
+        request.param_texts["clamp"] = clamp;
+        request.outputs["image"] = {};
+        request.outputs["bound"] = {};
+        const RunReport report = run_graph(graph, request);
+        RunRequest plain = request;
+        plain.param_texts["gate"] = "none";
+        plain.param_texts["window"] = "1";
+        const MemoryImage& image = report.images.at("image").front();
+        const MemoryImage noisy = std::move(run_graph(graph, plain).images.at("image").front());
+        const MemoryImage& bound = report.images.at("bound").front();
+        std::size_t count = 0;
+        const Region& window = image.desc.data;
+        for (int c = 0; c < 3; ++c)
+            for (int y = window.y0; y < window.y1; ++y)
+                for (int x = window.x0; x < window.x1; ++x) {
+                    const float off =
+                        std::abs(image.pixels.view().at(c, x, y) - noisy.pixels.view().at(c, x, y));
+                    const float allowed = 0.5f * bound.pixels.view().at(c, x, y);
+                    if (off > allowed * 1.0001f + 1e-6f) ++count;
+                }
+        return count;
+    };
+    EXPECT_EQ(outside("interval"), 0u);
+    EXPECT_GT(outside("none"), 0u);
+}
+
+} // namespace
+} // namespace rayloom
