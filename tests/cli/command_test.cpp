@@ -8,8 +8,10 @@
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
 
+#include <cmath>
 #include <csignal>
 #include <fstream>
+#include <limits>
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
@@ -200,6 +202,33 @@ TEST_F(Command, CtrlCStopsWithinASecondAndLeavesNothing)
     EXPECT_EQ(WEXITSTATUS(status), 130);
     EXPECT_LT(waited, 1.0);
     EXPECT_THAT(names(), ElementsAre("slow.yaml"));
+}
+
+TEST_F(Command, NaNAndInfinityDoNotSpreadAndAreCounted)
+{
+    std::vector<std::string> arguments{"run",    rhf,     "-o",          "image=out.exr",
+                                       "--type", "float", "--stats=json"};
+    for (int k = 1; k <= 4; ++k) {
+        MemoryImage image = load_image((scene / ("stack/s0" + std::to_string(k) + ".exr")).string(),
+                                       "Combined", "R,G,B");
+        if (k == 2) image.pixels.view().at(1, 20, 30) = std::numeric_limits<float>::quiet_NaN();
+        if (k == 3)
+            for (int x = 50; x < 60; ++x)
+                image.pixels.view().at(0, x, 41) = std::numeric_limits<float>::infinity();
+        const std::string name = "s" + std::to_string(k) + ".exr";
+        ASSERT_TRUE(to_image_buf(image).write(file(name).string(), OIIO::TypeFloat));
+        arguments.insert(arguments.end(), {"-i", "stack=" + name});
+    }
+    const CommandResult r = run(arguments);
+    ASSERT_EQ(r.exit_code, 0) << r.err;
+    std::size_t repaired = 0;
+    for (const YAML::Node node : YAML::Load(r.out)["nodes"])
+        for (const auto& count : node["counts"]) repaired += count.second.as<std::size_t>();
+    EXPECT_EQ(repaired, 11u);
+    const MemoryImage out = load_image(file("out.exr").string());
+    for (int y = out.desc.data.y0; y < out.desc.data.y1; ++y)
+        for (int c = 0; c < 3; ++c)
+            for (const float v : out.pixels.view().row_span(c, y)) ASSERT_TRUE(std::isfinite(v));
 }
 
 TEST_F(Command, OneFileInTheSameFileOut)
