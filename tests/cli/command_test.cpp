@@ -222,7 +222,7 @@ TEST_F(Command, NaNAndInfinityDoNotSpreadAndAreCounted)
     const CommandResult r = run(arguments);
     ASSERT_EQ(r.exit_code, 0) << r.err;
     std::size_t repaired = 0;
-    for (const YAML::Node node : YAML::Load(r.out)["nodes"])
+    for (const auto& node : YAML::Load(r.out)["nodes"])
         for (const auto& count : node["counts"]) repaired += count.second.as<std::size_t>();
     EXPECT_EQ(repaired, 11u);
     const MemoryImage out = load_image(file("out.exr").string());
