@@ -167,7 +167,7 @@ INSTANTIATE_TEST_SUITE_P(
                     OracleCase{"bright", {0, 0, 25, 20}, "one-sample", 7, 5, 1e8f},
                     OracleCase{
                         "grey_and_two_guides", {0, 0, 25, 20}, "two-sample", 7, 5, 1.0f, 1, 2}),
-    [](const auto& info) { return std::string(info.param.name); });
+    [](const auto& test) { return std::string(test.param.name); });
 
 TEST(Nlm, FramesAndPatchesOverFramesAreAsTheOracleHasThem)
 {
