@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/fuse/planes_guides.h"
+#include "rayloom/core/registry.h"
+
+#include <cmath>
+#include <string>
+
+namespace rayloom
+{
+
+namespace
+{
+
+/// The colour channels as one view; they are neighbours in every image there is.
+int first_of_run(const std::vector<int>& channels, const char* port)
+{
+    for (std::size_t i = 1; i < channels.size(); ++i)
+        if (channels[i] != channels[0] + static_cast<int>(i))
+            throw NodeError("the colour channels of input '" + std::string(port) +
+                            "' must stand together and in order; take them with "
+                            "transform.layer first");
+    return channels[0];
+}
+
+/// Planes through the surroundings of each pixel.
+class FitPlane final : public Node
+{
+public:
+    struct Params {
+        int min_radius = 2;
+        int max_radius = 15;
+        float range = 1.0f;
+        std::string range_scale = "noise";
+        float target_noise = 0.02f;
+        float max_noise = 8.0f;
+        float variation = 0.3f;
+        float confidence = 2.0f;
+    };
+
+    static void describe(Declaration<Params>& d)
+    {
+        d.name("fit.plane")
+            .summary("Fits planes to the square around each pixel and to its four quadrants, as "
+                     "large as the noise asks for.")
+            .doc(
+                "Around each pixel a square grows, one pixel to each side at a time, until the "
+                "standard error of the fitted value is below `target_noise` of it, or the square "
+                "has its largest size, or the light is uneven: the plane of the square and that "
+                "of a quadrant differ at the centre by more than `variation` of the value and "
+                "`confidence` standard errors of the quadrant (then the last even size is "
+                "taken). Planes are weighted least squares with weights exp(−k|z − ⟨z⟩|/scale − σ "
+                "− r²/R²) times the guides: n·n′ to the fourth power, 0 beyond 60°, and the share "
+                "of objects both pixels see. σ is the relative standard error of z, over 5×5 "
+                "pixels. The equation prints r²/R, which is no pure number; R² is.\n\n"
+                "All colours share the weights, which come from their mean. Pixels on a boundary, "
+                "marked ones, pixels that are not finite, and those with more than `max_noise` "
+                "are left out; where fewer than three well-spread pixels are left the plane is "
+                "level, at their weighted mean. A quadrant includes the axes and the centre.\n\n"
+                "The coefficient image holds: radius, relative noise, then for the square and the "
+                "quadrants right-lower, left-lower, right-upper, left-upper (y downwards), for "
+                "each colour, a, b and c of a·dx + b·dy + c, measured from the centre. fuse.planes "
+                "reads it.")
+            .source("003_fb3ee135f07a6099.txt, sections 4.2 and 4.3, equation 10")
+            .accuracy("Float against the double oracle: 2e-4 of the value; radii equal but where "
+                      "a criterion is met within 1e-5.")
+            .example("rayloom: 1\n"
+                     "name: plane-example\n"
+                     "doc: Radius that the noise of an image asks for.\n"
+                     "inputs:\n"
+                     "  light: {doc: light without texture, channels: RGB}\n"
+                     "  variance: {doc: its variance, channels: RGB}\n"
+                     "  normal: {doc: surface normal, channels: \"X,Y,Z\"}\n"
+                     "nodes:\n"
+                     "  planes: {op: fit.plane, image: light, variance: variance, normal: normal, "
+                     "max_radius: 6}\n"
+                     "outputs:\n"
+                     "  coefficients: planes\n");
+        d.input("image", "z, light divided by its pivot: 1 or 3 colour channels");
+        d.input("variance", "variance of z: as many colour channels, or one");
+        d.input("normal", "surface normal, 3 channels; zero where there is none").optional();
+        d.input("boundary", "1 on boundaries of objects (threshold.boundary)").optional();
+        d.input("parts", "pairs of id and coverage (transform.parts)").optional();
+        d.input("marked", "marks of transform.demodulate").optional();
+        d.output("coefficients", "radius, relative noise and planes");
+        d.param("min_radius", &Params::min_radius, "half-size of the smallest square")
+            .range(1, max_plane_radius)
+            .unit("px")
+            .source("003_fb3ee135f07a6099.txt, section 4.3: 5×5 pixels");
+        d.param("max_radius", &Params::max_radius, "half-size of the largest square")
+            .range(1, max_plane_radius)
+            .unit("px");
+        d.param("range", &Params::range, "k, weight of the difference from the mean")
+            .min(0)
+            .source("003_fb3ee135f07a6099.txt, equation 10");
+        d.param("range_scale", &Params::range_scale,
+                "what a difference is measured against: the mean, or the mean plus the standard "
+                "deviation of the noise")
+            .choices({"mean", "noise"});
+        d.param("target_noise", &Params::target_noise,
+                "relative standard error at which a square is large enough")
+            .min(0);
+        d.param("max_noise", &Params::max_noise,
+                "pixels with a larger relative standard error are left out")
+            .min(0);
+        d.param("variation", &Params::variation,
+                "relative difference of square and quadrant that is still even light")
+            .min(0);
+        d.param("confidence", &Params::confidence,
+                "standard errors of the quadrant that are put down to noise")
+            .min(0);
+    }
+
+    explicit FitPlane(const Params& p) : m(p) {}
+
+    void plan(PlanContext& context) override
+    {
+        if (m.min_radius > m.max_radius)
+            throw NodeError("min_radius (" + std::to_string(m.min_radius) +
+                            ") is larger than max_radius (" + std::to_string(m.max_radius) + ")");
+        const ImageDesc& image = context.input("image");
+        const std::vector<int> colours = image.colour();
+        if (colours.size() != 1 && colours.size() != 3)
+            throw NodeError("input 'image' has " + std::to_string(colours.size()) +
+                            " colour channels; 1 and 3 are possible");
+        m_colours = static_cast<int>(colours.size());
+        m_image = first_of_run(colours, "image");
+        context.require_same_window("image", "variance");
+        const std::vector<int> variance = context.input("variance").colour();
+        if (variance.size() != 1 && variance.size() != colours.size())
+            throw NodeError("input 'variance' has " + std::to_string(variance.size()) +
+                            " colour channels; it needs " + std::to_string(colours.size()) +
+                            " as 'image', or one");
+        m_variance = first_of_run(variance, "variance");
+        m_variances = static_cast<int>(variance.size());
+        if (context.has("marked")) {
+            context.require_same_window("image", "marked");
+            const std::vector<int> marked = context.input("marked").colour();
+            if (marked.size() != colours.size())
+                throw NodeError("input 'marked' has " + std::to_string(marked.size()) +
+                                " channels, 'image' has " + std::to_string(colours.size()));
+            m_marked = first_of_run(marked, "marked");
+        }
+        m_settings.min_radius = m.min_radius;
+        m_settings.max_radius = m.max_radius;
+        m_settings.range = m.range;
+        m_settings.range_scale = m.range_scale == "mean" ? PlaneRange::mean : PlaneRange::noise;
+        m_settings.target_noise = m.target_noise;
+        m_settings.max_noise = m.max_noise;
+        m_settings.variation = m.variation;
+        m_settings.confidence = m.confidence;
+        m_data = image.data;
+        const int reach = plane_fit_reach(m_settings);
+        for (const char* port : {"image", "variance", "marked"})
+            if (context.has(port)) context.needs(port, Halo::all(reach));
+        m_guides.plan(context, reach);
+
+        std::vector<std::string> names{"radius", "noise"};
+        for (const char* square : {"", "1", "2", "3", "4"})
+            for (const int c : colours)
+                for (const char* k : {"a", "b", "c"})
+                    names.push_back(image.channels[static_cast<std::size_t>(c)] + "." + k + square);
+        context.output("coefficients", image.with_channels(names));
+        context.scratch(fit_planes_scratch(m_settings, m_colours, m_guides.part_channels()));
+    }
+
+    void compute(const TileContext& context) const override
+    {
+        PlaneGuides guides = m_guides.views(context);
+        guides.image = context.input("image").channel_range(m_image, m_colours);
+        guides.variance = context.input("variance").channel_range(m_variance, m_variances);
+        if (context.has("marked"))
+            guides.marked = context.input("marked").channel_range(m_marked, m_colours);
+        const double radii = fit_planes(m_settings, m_data, guides, context.output("coefficients"),
+                                        [&] { context.check_cancelled(); });
+        context.count("sum of radii", static_cast<std::size_t>(radii));
+        context.count("pixels fitted", context.region().pixels());
+    }
+
+private:
+    Params m;
+    PlaneSettings m_settings;
+    PlaneGuidePorts m_guides;
+    Region m_data;
+    int m_image = 0, m_colours = 0, m_variance = 0, m_variances = 0, m_marked = 0;
+};
+
+RAYLOOM_NODE(FitPlane);
+
+} // namespace
+} // namespace rayloom

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/registry.h"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+namespace rayloom
+{
+
+/// Sum of partial images.
+class FuseSum final : public Node
+{
+public:
+    struct Params {
+    };
+
+    static void describe(Declaration<Params>& d)
+    {
+        d.name("fuse.sum")
+            .summary("Adds images: filtered partial images and the unfiltered remainder.")
+            .doc("Colour channels are added in double, in the order of the list, `base` first, and "
+                 "rounded once; alpha and every other channel are those of `base`, or of the "
+                 "first image without one. All images need the same data window.")
+            .source("003_fb3ee135f07a6099.txt, section 8")
+            .accuracy("Rounded once to float.")
+            .example("rayloom: 1\n"
+                     "name: sum-example\n"
+                     "doc: The sum of two light passes.\n"
+                     "inputs:\n"
+                     "  direct: {doc: direct light, channels: RGB}\n"
+                     "  indirect: {doc: indirect light, channels: RGB}\n"
+                     "nodes:\n"
+                     "  light:\n"
+                     "    op: fuse.sum\n"
+                     "    images: [direct, indirect]\n"
+                     "outputs:\n"
+                     "  image: light\n");
+        d.input("images", "images to add; may be absent when there is a base").list().optional();
+        d.input("base", "added first; gives alpha and windows").optional();
+        d.output("image", "the sum");
+    }
+
+    explicit FuseSum(const Params&) {}
+
+    void plan(PlanContext& context) override
+    {
+        const std::size_t n = context.count("images");
+        m_base = context.has("base");
+        if (n == 0 && !m_base) throw NodeError("nothing to add: connect 'images', 'base' or both");
+        const ImageDesc& first = m_base ? context.input("base") : context.input("images", 0);
+        const std::vector<int> colours = first.colour();
+        m_colours.clear();
+        if (m_base) m_colours.push_back(colours);
+        for (std::size_t i = 0; i < n; ++i) {
+            const ImageDesc& image = context.input("images", i);
+            m_colours.push_back(image.colour());
+            if (m_colours.back().size() != colours.size())
+                throw NodeError("image " + std::to_string(i) + " has " +
+                                std::to_string(m_colours.back().size()) +
+                                " colour channels, the first has " +
+                                std::to_string(colours.size()));
+            if (image.data != first.data)
+                throw NodeError("image " + std::to_string(i) + " has data window " +
+                                image.data.text() + ", the first has " + first.data.text());
+        }
+        context.output("image", first);
+        const char* port = m_base ? "base" : "images";
+        if (m_colours.size() == 1) context.pass_through("image", port);
+        m_passed.clear();
+        for (int c = 0; c < first.channel_count(); ++c)
+            if (std::find(colours.begin(), colours.end(), c) == colours.end()) {
+                m_passed.push_back(c);
+                context.pass_channel("image", c, port, c);
+            }
+    }
+
+    void compute(const TileContext& context) const override
+    {
+        const Region& r = context.region();
+        const ImageView out = context.output("image");
+        const auto image = [&](std::size_t i) {
+            if (!m_base) return context.input("images", i);
+            return i == 0 ? context.input("base") : context.input("images", i - 1);
+        };
+        std::vector<double> sum(static_cast<std::size_t>(r.width()));
+        for (int y = r.y0; y < r.y1; ++y) {
+            for (std::size_t c = 0; c < m_colours[0].size(); ++c) {
+                std::fill(sum.begin(), sum.end(), 0.0);
+                for (std::size_t i = 0; i < m_colours.size(); ++i) {
+                    const float* from = image(i).ptr(m_colours[i][c], r.x0, y);
+                    for (std::size_t x = 0; x < sum.size(); ++x)
+                        sum[x] += static_cast<double>(from[x]);
+                }
+                float* to = out.row(m_colours[0][c], y);
+                for (std::size_t x = 0; x < sum.size(); ++x) to[x] = static_cast<float>(sum[x]);
+            }
+            for (const int c : m_passed)
+                std::copy_n(image(0).ptr(c, r.x0, y), r.width(), out.row(c, y));
+        }
+    }
+
+private:
+    std::vector<std::vector<int>> m_colours; ///< [image]
+    std::vector<int> m_passed;
+    bool m_base = false;
+};
+
+RAYLOOM_NODE(FuseSum);
+
+} // namespace rayloom

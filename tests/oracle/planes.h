@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+/// \file
+/// The pivot-image filter in plain double, written from equations 10 to 13 of
+/// 003_fb3ee135f07a6099.txt, one pixel and one plane at a time.
+#pragma once
+
+#include "tests/oracle/histogram_fusion.h"
+
+#include <array>
+#include <optional>
+
+namespace rayloom::oracle
+{
+
+struct PlaneOptions {
+    int min_radius = 2, max_radius = 15;
+    double range = 1.0;
+    bool range_by_noise = false;
+    double target_noise = 0.02, max_noise = 8.0, variation = 0.3, confidence = 2.0;
+    bool blend_max = false;
+};
+
+struct PlaneInput {
+    Raster<double> z, variance;
+    std::optional<Raster<double>> normal, boundary, parts;
+};
+
+/// Of one centre: the square, then quadrants right-lower, left-lower, right-upper, left-upper; each
+/// colour's a, b, c.
+struct CentrePlanes {
+    int radius = 0;
+    double noise = 0.0;
+    std::array<std::vector<std::array<double, 3>>, 5> planes;
+};
+
+/// w_n · w_part of two pixels.
+double guide_weight(const PlaneInput& in, int x, int y, int u, int v);
+CentrePlanes fit_centre(const PlaneInput& in, const PlaneOptions& options, int x, int y);
+/// All centres, row by row.
+std::vector<CentrePlanes> fit_all(const PlaneInput& in, const PlaneOptions& options);
+Raster<double> fuse_all(const PlaneInput& in, const PlaneOptions& options,
+                        const std::vector<CentrePlanes>& centres);
+
+} // namespace rayloom::oracle
