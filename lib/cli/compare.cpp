@@ -4,8 +4,8 @@
 #include "rayloom/core/error.h"
 #include "rayloom/core/text.h"
 #include "rayloom/engine/load_image.h"
-#include "rayloom/image/frames.h"
 #include "rayloom/image/exr_writer.h"
+#include "rayloom/image/frames.h"
 
 #include <iostream>
 #include <memory>

@@ -34,8 +34,10 @@ int check(const std::vector<std::string>& files)
 
 int picture(const std::string& file, const std::string& out)
 {
-    const Graph graph = read_graph(find_graph(file));
     const bool svg = out.ends_with(".svg");
+    if (!out.empty() && !svg && !out.ends_with(".dot") && !out.ends_with(".gv"))
+        throw UsageError("a picture of a graph is .svg or .dot, not '" + out + "'");
+    const Graph graph = read_graph(find_graph(file));
     const std::string text = svg ? graph_svg(graph) : graph_dot(graph);
     if (out.empty())
         std::cout << text;

@@ -5,6 +5,7 @@
 #include "rayloom/core/registry.h"
 #include "rayloom/core/text.h"
 #include "rayloom/engine/cache.h"
+#include "rayloom/graph/reader.h"
 #include "rayloom/graph/schema.h"
 
 #include <cstdio>
@@ -25,14 +26,26 @@ int list_nodes()
     return 0;
 }
 
-int help(const std::string& op)
+int help(const std::string& name)
 {
-    const NodeInfo* node = Registry::instance().find(op);
-    if (!node)
-        throw UsageError("there is no node '" + op + "'" +
-                         suggestion(op, Registry::instance().names()) +
-                         " (rayloom nodes lists them)");
-    std::cout << node_help(*node);
+    if (const NodeInfo* node = Registry::instance().find(name)) {
+        std::cout << node_help(*node);
+        return 0;
+    }
+    std::string file;
+    try {
+        file = find_graph(name);
+    } catch (const InputError&) {
+        throw UsageError("there is no node and no graph '" + name + "'" +
+                         suggestion(name, Registry::instance().names()) +
+                         " (rayloom nodes lists the nodes)");
+    }
+    const Graph graph = read_graph(file);
+    NodeInfo info = graph_signature(graph);
+    info.name = graph.name.empty() ? name : graph.name;
+    info.summary = "A graph of " + std::to_string(graph.nodes.size()) + " nodes.";
+    info.origin = file;
+    std::cout << node_help(info);
     return 0;
 }
 
@@ -56,9 +69,9 @@ void add_node_commands(CLI::App& app, Action& action)
     app.add_subcommand("nodes", "List the nodes")->callback([&action] { action = list_nodes; });
 
     CLI::App* help_command =
-        app.add_subcommand("help", "Explain a node: ports, parameters, source");
+        app.add_subcommand("help", "Explain a node or a graph: inputs, outputs, parameters");
     auto op = std::make_shared<std::string>();
-    help_command->add_option("op", *op, "Name of a node")->required()->type_name("OP");
+    help_command->add_option("op", *op, "Name of a node or a graph")->required()->type_name("OP");
     help_command->callback([op, &action] { action = [op] { return help(*op); }; });
 
     CLI::App* docs_command = app.add_subcommand("docs", "Write the reference pages of all nodes");

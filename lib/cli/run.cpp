@@ -78,6 +78,12 @@ int run(const RunArguments& arguments)
                 for (const std::string& line : plan.channel_plan) progress->message(line);
             const RunReport report = run_plan(plan, options);
             progress.reset();
+            // Pixels that are not what was asked for are said even to those who asked for quiet.
+            for (const NodeReport& node : report.nodes)
+                for (const auto& [what, count] : node.counts)
+                    std::cerr << "warning: " << title << (title.empty() ? "" : ": ") << "node '"
+                              << node.id << "' (" << node.op << "): " << what << ": " << count
+                              << "\n";
             for (const auto& [name, tables] : report.tables)
                 if (!arguments.quiet && arguments.stats != "json")
                     for (const Table& table : tables)
@@ -110,7 +116,7 @@ void add_run(CLI::App& app, Action& action)
         ->add_flag("--stats{text}", arguments->stats,
                    "Print times, memory and skips; --stats=json for programs")
         ->check(CLI::IsMember({"text", "json"}));
-    command->add_flag("-q,--quiet", arguments->quiet, "Print errors only");
+    command->add_flag("-q,--quiet", arguments->quiet, "Print errors and warnings only");
     command->add_flag("-u,--update", arguments->update,
                       "Leave frames alone whose outputs are newer than their inputs");
     command->add_flag("--keep-going", arguments->keep_going,

@@ -5,6 +5,10 @@
 
 #include <dlfcn.h>
 
+#include <algorithm>
+#include <cstdlib>
+#include <string>
+
 namespace rayloom
 {
 
@@ -16,6 +20,21 @@ std::filesystem::path data_folder()
     // Resolves symbolic links: a link to the library elsewhere must not mislead.
     const std::filesystem::path library = std::filesystem::canonical(info.dli_fname);
     return (library.parent_path() / RAYLOOM_LIB_TO_DATA).lexically_normal();
+}
+
+std::vector<std::filesystem::path> graph_folders()
+{
+    std::vector<std::filesystem::path> folders;
+    if (const char* list = std::getenv("RAYLOOM_GRAPH_PATH")) {
+        const std::string text = list;
+        for (std::size_t start = 0; start <= text.size();) {
+            const std::size_t end = std::min(text.find(':', start), text.size());
+            if (end > start) folders.emplace_back(text.substr(start, end - start));
+            start = end + 1;
+        }
+    }
+    folders.push_back(data_folder() / "graphs");
+    return folders;
 }
 
 } // namespace rayloom

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <vector>
 
 namespace rayloom
 {
@@ -12,5 +13,9 @@ namespace rayloom
 /// installed copy can be moved, and a build folder answers with its own. Holds graphs/. Throws
 /// Error when the system cannot say where the library is.
 std::filesystem::path data_folder();
+
+/// Where graphs are looked for by name, and renderer maps in the folder renderers/ below: the
+/// folders of $RAYLOOM_GRAPH_PATH (separated by ':'), then graphs/ of the data folder.
+std::vector<std::filesystem::path> graph_folders();
 
 } // namespace rayloom

@@ -4,6 +4,7 @@
 #include "rayloom/core/text.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 
 namespace rayloom
@@ -59,6 +60,26 @@ bool telling(const std::optional<double>& bound)
     return bound && std::abs(*bound) < static_cast<double>(std::numeric_limits<int>::max());
 }
 
+/// A default that came from a float member, as it was written: 2.2 and not 2.200000047683716.
+double as_written(double v)
+{
+    const auto narrow = static_cast<float>(v);
+    if (static_cast<double>(narrow) != v) return v;
+    char buffer[32];
+    const auto text = std::to_chars(buffer, buffer + sizeof buffer, narrow);
+    std::from_chars(buffer, text.ptr, v);
+    return v;
+}
+
+std::string default_text(const ParamInfo& param)
+{
+    ParamValue value = param.default_value;
+    if (auto* real = std::get_if<double>(&value)) *real = as_written(*real);
+    if (auto* reals = std::get_if<std::vector<double>>(&value))
+        for (double& v : *reals) v = as_written(v);
+    return format_param(value);
+}
+
 std::string cell(std::string text)
 {
     std::string out;
@@ -111,8 +132,7 @@ std::string node_help(const NodeInfo& node)
         out += "\nParameters\n";
         for (const ParamInfo& p : node.params) {
             out += "  " + p.name + ": " + param_summary(p) +
-                   (p.required ? "; must be given" : "; default " + format_param(p.default_value)) +
-                   "\n";
+                   (p.required ? "; must be given" : "; default " + default_text(p)) + "\n";
             out += wrapped(p.doc + (p.source.empty() ? "" : " (" + p.source + ")"), "      ");
         }
     }
@@ -141,11 +161,9 @@ std::string node_page(const NodeInfo& node)
     if (!node.params.empty()) {
         out += "## Parameters\n\n| name | type | default | meaning |\n|---|---|---|---|\n";
         for (const ParamInfo& p : node.params)
-            out +=
-                "| `" + p.name + "` | " + cell(param_summary(p)) + " | " +
-                (p.required ? "must be given" : "`" + cell(format_param(p.default_value)) + "`") +
-                " | " + cell(p.doc) + (p.source.empty() ? "" : " (" + cell(p.source) + ")") +
-                " |\n";
+            out += "| `" + p.name + "` | " + cell(param_summary(p)) + " | " +
+                   (p.required ? "must be given" : "`" + cell(default_text(p)) + "`") + " | " +
+                   cell(p.doc) + (p.source.empty() ? "" : " (" + cell(p.source) + ")") + " |\n";
         out += "\n";
     }
     if (!node.source.empty()) out += "## Source\n\n" + node.source + "\n\n";

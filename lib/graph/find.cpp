@@ -4,7 +4,6 @@
 #include "rayloom/graph/reader.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 
 namespace rayloom
@@ -15,27 +14,11 @@ namespace
 
 namespace fs = std::filesystem;
 
-/// Folders of graphs, in the order they are searched.
-std::vector<std::string> graph_folders()
-{
-    std::vector<std::string> folders;
-    if (const char* list = std::getenv("RAYLOOM_GRAPH_PATH")) {
-        const std::string text = list;
-        for (std::size_t start = 0; start <= text.size();) {
-            const std::size_t end = std::min(text.find(':', start), text.size());
-            if (end > start) folders.push_back(text.substr(start, end - start));
-            start = end + 1;
-        }
-    }
-    folders.push_back((data_folder() / "graphs").string());
-    return folders;
-}
-
 /// Names of the graphs in the folders, without the ending.
-std::vector<std::string> graphs_in(const std::vector<std::string>& folders)
+std::vector<std::string> graphs_in(const std::vector<fs::path>& folders)
 {
     std::vector<std::string> names;
-    for (const std::string& folder : folders) {
+    for (const fs::path& folder : folders) {
         std::error_code error;
         for (fs::directory_iterator it(folder, error), end; !error && it != end;
              it.increment(error))
@@ -58,11 +41,11 @@ std::string find_graph(const std::string& name_or_path)
         given.has_parent_path() || given.extension() == ".yaml" || given.extension() == ".yml";
     if (fs::is_directory(given, error) && is_path)
         throw InputError("'" + name_or_path + "' is a folder, not a graph file");
-    const std::vector<std::string> folders = graph_folders();
+    const std::vector<fs::path> folders = graph_folders();
     if (!given.is_absolute())
-        for (const std::string& folder : folders)
+        for (const fs::path& folder : folders)
             for (const char* ending : {"", ".yaml"}) {
-                const fs::path path = fs::path(folder) / (name_or_path + ending);
+                const fs::path path = folder / (name_or_path + ending);
                 if (fs::is_regular_file(path, error)) return path.string();
             }
     std::string message = "graph '" + name_or_path + "' was not found";
@@ -70,7 +53,7 @@ std::string find_graph(const std::string& name_or_path)
         !near.empty())
         message += "; did you mean '" + near + "'?";
     message += "; searched: as a file";
-    for (const std::string& folder : folders) message += ", " + folder;
+    for (const fs::path& folder : folders) message += ", " + folder.string();
     throw InputError(message);
 }
 

@@ -132,6 +132,19 @@ std::optional<OIIO::TypeDesc> source_type(const ImageDesc& desc, const std::stri
     return desc.header->channelformat(static_cast<int>(it - names.begin()));
 }
 
+/// The compression `options` asks for, as EXR counts them. Throws NodeError for an unknown name.
+Imf::Compression compression_named(const WriteOptions& options)
+{
+    static const std::vector<std::string> names = {"none",  "rle", "zips", "zip",  "piz",
+                                                   "pxr24", "b44", "b44a", "dwaa", "dwab"};
+    const std::string name = options.compression.substr(0, options.compression.find(':'));
+    const auto it = std::find(names.begin(), names.end(), name);
+    if (it == names.end())
+        throw NodeError(options.path + ": there is no compression '" + name + "'" +
+                        suggestion(name, names));
+    return static_cast<Imf::Compression>(it - names.begin());
+}
+
 OIIO::TypeDesc exr_type(const ImageDesc& desc, const std::string& channel, const WriteOptions& o)
 {
     if (!o.type.empty()) return parse_type(o.path, o.type);
@@ -298,6 +311,7 @@ struct NewFile final : Base {
         } else {
             spec.format = plain_format();
         }
+        if (exr && !options.compression.empty()) compression_named(options);
         if (!options.compression.empty())
             spec.attribute("compression", options.compression);
         else if (exr && source_compression.empty())
@@ -578,23 +592,11 @@ struct MergedFile final : Base {
             header.setTileDescription(tiles);
         }
         // Decoded once more, a lossy block would lose more: what is kept is kept exactly.
-        if (!options.compression.empty())
-            header.compression() = compression_named(options.compression);
+        if (!options.compression.empty()) header.compression() = compression_named(options);
         if (keeps_pixels && is_lossy(header.compression()))
             header.compression() = Imf::ZIP_COMPRESSION;
     }
 
-    Imf::Compression compression_named(const std::string& text) const
-    {
-        static const std::vector<std::string> names = {"none",  "rle", "zips", "zip",  "piz",
-                                                       "pxr24", "b44", "b44a", "dwaa", "dwab"};
-        const std::string name = text.substr(0, text.find(':'));
-        const auto it = std::find(names.begin(), names.end(), name);
-        if (it == names.end())
-            throw NodeError(options.path + ": there is no compression '" + name + "'" +
-                            suggestion(name, names));
-        return static_cast<Imf::Compression>(it - names.begin());
-    }
     static bool is_lossy(Imf::Compression c)
     {
         return c == Imf::PXR24_COMPRESSION || c == Imf::B44_COMPRESSION ||

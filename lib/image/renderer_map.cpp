@@ -334,7 +334,17 @@ std::vector<RendererMap> read_renderer_maps(const std::string& folder)
 
 std::vector<RendererMap> standard_renderer_maps()
 {
-    return read_renderer_maps((data_folder() / "graphs" / "renderers").string());
+    std::vector<RendererMap> maps;
+    const std::vector<std::filesystem::path> folders = graph_folders();
+    for (std::size_t i = 0; i < folders.size(); ++i) {
+        const std::filesystem::path folder = folders[i] / "renderers";
+        const bool shipped = i + 1 == folders.size();
+        if (!shipped && !std::filesystem::is_directory(folder)) continue;
+        for (RendererMap& map : read_renderer_maps(folder.string())) maps.push_back(std::move(map));
+    }
+    std::stable_partition(maps.begin(), maps.end(),
+                          [](const RendererMap& m) { return !m.is_fallback(); });
+    return maps;
 }
 
 const RendererMap& detect_renderer(const std::vector<RendererMap>& maps, const ImageFile& file)

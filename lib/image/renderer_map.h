@@ -61,7 +61,7 @@ const std::vector<std::pair<std::string, std::string>>& renderer_roles();
 /// The maps of a folder, fallback last. Throws as RendererMap::read(), and InputError when there is
 /// none.
 std::vector<RendererMap> read_renderer_maps(const std::string& folder);
-/// The maps that come with rayloom.
+/// The maps in renderers/ of the folders of $RAYLOOM_GRAPH_PATH, then those that come with rayloom.
 std::vector<RendererMap> standard_renderer_maps();
 /// The first map that recognises the file, else the fallback. `maps` is not empty.
 const RendererMap& detect_renderer(const std::vector<RendererMap>& maps, const ImageFile& file);

@@ -6,6 +6,14 @@
 
 namespace rayloom::oiio
 {
+namespace
+{
+
+/// Pixels a call of ImageBufAlgo may read, each as often as it is read: about a tenth of a second
+/// of sorting for a median.
+constexpr std::size_t reads_at_once = std::size_t{1} << 22;
+
+} // namespace
 
 OIIO::ROI roi_of(const Region& region, int channels)
 {
@@ -79,8 +87,21 @@ Compute on_imagebuf(ImageDesc input, ImageDesc output, OnImageBuf function)
         }
         OIIO::ImageBuf result = empty_imagebuf(output, region);
         const OIIO::ImageBuf image = to_imagebuf(view, input);
-        if (!function(result, image, roi_of(region, output.channel_count())))
-            throw Error("OpenImageIO: " + result.geterror());
+        // ImageBufAlgo cannot be interrupted: what reads a wide neighbourhood is asked for a few
+        // rows at a time, so that a run stops soon after it is asked to.
+        const std::size_t window =
+            static_cast<std::size_t>(std::max(1, view.region().width() - region.width() + 1) *
+                                     std::max(1, view.region().height() - region.height() + 1));
+        const std::size_t row_reads = window * static_cast<std::size_t>(region.width()) *
+                                      static_cast<std::size_t>(output.channel_count());
+        const int rows = static_cast<int>(std::clamp<std::size_t>(
+            reads_at_once / std::max<std::size_t>(row_reads, 1), 1, 1 << 20));
+        for (Region part = region; part.y0 < region.y1; part.y0 = part.y1) {
+            part.y1 = std::min(part.y0 + rows, region.y1);
+            tile.check_cancelled();
+            if (!function(result, image, roi_of(part, output.channel_count())))
+                throw Error("OpenImageIO: " + result.geterror());
+        }
         from_imagebuf(result, out);
     };
 }

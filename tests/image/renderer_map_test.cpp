@@ -43,8 +43,8 @@ TEST(RendererMap, EveryShippedMapReads)
         EXPECT_FALSE(map.doc().empty()) << map.name();
         EXPECT_NE(map.rule("beauty"), nullptr) << map.name();
     }
-    EXPECT_EQ(names, (std::vector<std::string>{"arnold", "cycles", "pbrt", "renderman", "vray",
-                                               "generic"}));
+    for (const char* name : {"arnold", "cycles", "pbrt", "renderman", "vray", "generic"})
+        EXPECT_NE(std::find(names.begin(), names.end(), name), names.end()) << name;
     EXPECT_TRUE(maps.back().is_fallback());
 }
 
