@@ -3,6 +3,8 @@
 
 #include "tests/image/image_files.h"
 
+#include <algorithm>
+
 namespace rayloom
 {
 namespace
