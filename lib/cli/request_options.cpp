@@ -97,6 +97,10 @@ RunRequest RequestOptions::request(const Graph& loaded, std::optional<int> frame
         const ResolvedFiles files = resolve_files(source, frame);
         InputBinding& binding = request.inputs[source.name];
         const bool again = !binding.files.empty();
+        if (again && binding.files.front().layer != source.layer)
+            throw UsageError("all files of input '" + source.name +
+                             "' are read from one layer; name the same after each path, not '" +
+                             binding.files.front().layer + "' and '" + source.layer + "'");
         for (const std::string& path : files.paths) binding.files.push_back({path, source.layer});
         binding.is_list = again || files.is_list;
         if (first_file.empty() && !files.paths.empty()) {

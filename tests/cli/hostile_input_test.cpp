@@ -35,6 +35,11 @@ const char* const twice =
     "rayloom: 1\nname: twice\ninputs: {color: {channels: RGB, role: beauty}}\n"
     "nodes: {twice: {op: oiio.mul, image: color, value: 2}}\noutputs: {image: twice}\n";
 
+/// A median over a window so wide that it takes many seconds, of code that cannot be interrupted.
+const char* const slow =
+    "rayloom: 1\nname: slow\ninputs: {color: {channels: RGB}}\n"
+    "nodes: {slow: {op: oiio.median, image: color, width: 71}}\noutputs: {image: slow}\n";
+
 class HostileInput : public ::testing::Test
 {
 protected:
@@ -63,38 +68,60 @@ protected:
         arguments.insert(arguments.end(), more.begin(), more.end());
         return run(arguments);
     }
-    /// Starts the command in the folder without waiting for it.
-    pid_t start(const std::vector<std::string>& arguments) const
+    /// Starts a run of slow.yaml in the folder and waits until it says which layers it reads, which
+    /// is when pixels begin to be computed.
+    pid_t start_slow_run() const
     {
+        write("slow.yaml", slow);
         const std::string program = std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom";
-        std::vector<char*> argv{const_cast<char*>(program.c_str())};
-        for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
-        argv.push_back(nullptr);
+        const std::string input =
+            "color=" + (source / "tests/data/cycles/cornell/ref.exr").string();
         const std::string folder = m_folder.path().string();
+        int ends[2] = {-1, -1};
+        if (::pipe(ends) != 0) return -1;
         const pid_t child = ::fork();
         if (child == 0) {
-            if (::chdir(folder.c_str()) != 0) ::_exit(126);
-            ::execv(program.c_str(), argv.data());
+            if (::chdir(folder.c_str()) != 0 || ::dup2(ends[1], 2) < 0) ::_exit(126);
+            ::close(ends[0]);
+            ::close(ends[1]);
+            ::execl(program.c_str(), program.c_str(), "run", "slow.yaml", "-i", input.c_str(), "-o",
+                    "image=out.exr", nullptr);
             ::_exit(127);
         }
+        ::close(ends[1]);
+        std::string said;
+        for (char c = 0; said.find("filtered") == std::string::npos && ::read(ends[0], &c, 1) == 1;)
+            said += c;
+        m_listening = ends[0]; // closed later: the child may say more
+        EXPECT_THAT(said, HasSubstr("filtered"));
+        std::this_thread::sleep_for(std::chrono::milliseconds(300));
         return child;
+    }
+    void TearDown() override
+    {
+        if (m_listening >= 0) ::close(m_listening);
     }
 
 private:
     TemporaryFolder m_folder;
+    mutable int m_listening = -1;
 };
 
 TEST_F(HostileInput, NanAndInfinityInARenderAreRepairedAndSaid)
 {
     copy_stack(4);
+    for (const char* name : {"s01.exr", "s03.exr"}) {
+        const MemoryImage render = load_image(file(name).string(), "Combined");
+        ASSERT_TRUE(to_image_buf(render).write(file(name).string()));
+    }
     MemoryImage render = load_image(file("s02.exr").string(), "Combined");
     const float nan = std::numeric_limits<float>::quiet_NaN();
     for (int y = 10; y < 14; ++y)
         for (int x = 20; x < 25; ++x) render.pixels.view().at(x % 3, x, y) = nan;
     render.pixels.view().at(1, 50, 50) = std::numeric_limits<float>::infinity();
     ASSERT_TRUE(to_image_buf(render).write(file("s02.exr").string()));
-    const CommandResult r = run({"run", rhf, "-i", "stack=s01.exr:Combined", "-i", "stack=s02.exr",
-                                 "-i", "stack=s03.exr:Combined", "-o", "image=out.exr", "-q"});
+    const CommandResult r =
+        run({"run", rhf, "-i", "stack=s%02d.exr@1-3", "-o", "image=out.exr", "-q"});
     ASSERT_EQ(r.exit_code, 0) << r.err;
     EXPECT_THAT(r.err,
                 HasSubstr("warning: node 'clean' (threshold.sanitize): NaN pixels repaired"));
@@ -154,18 +181,10 @@ TEST_F(HostileInput, AFullDiskKeepsTheEarlierFile)
     EXPECT_EQ(std::string(std::istreambuf_iterator<char>(in), {}), "the earlier file");
 }
 
-/// A median over a window so wide that it takes many seconds, of code that cannot be interrupted.
-const char* const slow =
-    "rayloom: 1\nname: slow\ninputs: {color: {channels: RGB}}\n"
-    "nodes: {slow: {op: oiio.median, image: color, width: 71}}\noutputs: {image: slow}\n";
-
 TEST_F(HostileInput, AKillLeavesNothing)
 {
-    write("slow.yaml", slow);
-    const std::string input = "color=" + (source / "tests/data/cycles/cornell/ref.exr").string();
-    const pid_t child = start({"run", "slow.yaml", "-i", input, "-o", "image=out.exr", "-q"});
+    const pid_t child = start_slow_run();
     ASSERT_GT(child, 0);
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));
     int status = 0;
     ASSERT_EQ(::waitpid(child, &status, WNOHANG), 0) << "it ended before it could be killed";
     ::kill(child, SIGKILL);
@@ -176,11 +195,8 @@ TEST_F(HostileInput, AKillLeavesNothing)
 
 TEST_F(HostileInput, SlowFiltersStopWithinASecond)
 {
-    write("slow.yaml", slow);
-    const std::string input = "color=" + (source / "tests/data/cycles/cornell/ref.exr").string();
-    const pid_t child = start({"run", "slow.yaml", "-i", input, "-o", "image=out.exr", "-q"});
+    const pid_t child = start_slow_run();
     ASSERT_GT(child, 0);
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));
     int status = 0;
     ASSERT_EQ(::waitpid(child, &status, WNOHANG), 0) << "it ended before it could be stopped";
     const auto asked = std::chrono::steady_clock::now();
@@ -214,6 +230,9 @@ TEST_F(HostileInput, OptionsThatMeanNothingAreRefused)
     refused({"run", rhf, "-i", stack, "-o", image, "--roi", "5000,0,8,8"}, "lies outside output");
     refused({"run", rhf, "-i", "stack=s%02d.exr", "-o", image}, "needs a frame number");
     refused({"run", rhf, "-i", stack, "-o", image, "--memory", "much"}, "'much' is not a size");
+    refused(
+        {"run", rhf, "-i", "stack=s01.exr:Combined", "-i", "stack=s02.exr:DiffDir", "-o", image},
+        "not 'Combined' and 'DiffDir'");
     refused({"picture", rhf, "-o", "out.png"}, ".svg or .dot, not 'out.png'");
 }
 
@@ -317,7 +336,8 @@ TEST_F(HostileInput, ARendererNobodyKnowsIsTaughtByAMapOfOnesOwn)
                                       "detect: {channels: [\"picture.*\"]}\n"
                                       "roles: {beauty: picture, normal: shape}\n");
     write("mine/doubled.yaml", twice);
-    write_exr(file("in.exr").string(), {{.channels = {{"picture.R"},
+    write_exr(file("in.exr").string(), {{.name = "",
+                                         .channels = {{"picture.R"},
                                                       {"picture.G"},
                                                       {"picture.B"},
                                                       {"shape.X"},
