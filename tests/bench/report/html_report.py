@@ -158,8 +158,8 @@ def spp_plots(data):
             ends = (counts[0] / 1.5, counts[-1] * 1.5)
             plot.line([(n, centre / math.sqrt(n)) for n in ends], INK, "1.5 3", 1.2, kind="model")
             turn = plot.angle(ends[0], centre / math.sqrt(ends[0]), ends[1], centre / math.sqrt(ends[1]))
-            middle = math.sqrt(counts[0] * counts[-1])
-            plot.text(middle, centre / math.sqrt(middle), "slope −½", "#555", "middle", 0, -7, turn)
+            between = math.sqrt(counts[0] * counts[min(1, len(counts) - 1)])
+            plot.text(between, centre / math.sqrt(between), "slope −½", "#555", "middle", 0, -7, turn)
         if floor:
             plot.line([(counts[0] / 2, floor), (counts[-1] * 2, floor)], "#777", "9 4", 1, kind="floor")
             plot.text(counts[0], floor, "error of the reference itself", "#555", "start", 0, -4)
@@ -321,7 +321,7 @@ def summary_table(data):
         megapixels = sum(q["pixels"] for q in last) / 1e6
         colour, shape, _ = data.style.look[graph]
         icon = f'<svg width="16" height="14" aria-hidden="true">{mark(shape, 8, 7, colour)}</svg> '
-        rows.append([icon + escape(graph), len(last), f"× {geometric_mean(factors):.1f}" if factors else "–",
+        rows.append([f"<span class=graph>{icon}{escape(graph)}</span>", len(last), f"× {geometric_mean(factors):.1f}" if factors else "–",
                      f"× {min(factors):.1f} … {max(factors):.1f}" if factors else "–",
                      f"{100 * geometric_mean(times):.0f} %" if times else "–",
                      short(sum(best(q) for q in last) / megapixels), mib(max(q["max_rss"] for q in last))])
@@ -446,7 +446,7 @@ def page(data, folder):
     parts = []
     add = parts.append
     names = [PLAIN, *data.graphs]
-    add("<h1>Error against time</h1>")
+    add("<h1>rayloom: run time against error</h1>")
     add('<p class="lead">What every graph that comes with rayloom makes of real renders, how long it takes, and what the '
         "same seconds would have bought in more samples.</p>")
     add('<dl class="facts">' + "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in facts(data.everything)) + "</dl>")

@@ -77,9 +77,6 @@ def figures(line, limits):
         roof = min(peak, out["intensity"] * bandwidth)
         out["share_of_limit"] = out["flops_per_second"] / roof
         out["bound_by"] = "arithmetic" if peak <= out["intensity"] * bandwidth else "memory"
-    elif moved and bandwidth:
-        out["share_of_limit"] = out["bytes_per_second"] / bandwidth
-        out["bound_by"] = "memory"
     return out
 
 

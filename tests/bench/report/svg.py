@@ -170,8 +170,9 @@ class Plot:
         out.append(f'<text x="{(left + right) / 2}" y="{self.height - 8}" text-anchor="middle" class="axis">'
                    f'{escape(self.x_label)}</text>')
         middle = (top + bottom) / 2
-        out.append(f'<text x="15" y="{middle}" text-anchor="middle" class="axis" '
-                   f'transform="rotate(-90 15 {middle})">{escape(self.y_label)}</text>')
+        if self.y_label:
+            out.append(f'<text x="15" y="{middle}" text-anchor="middle" class="axis" '
+                       f'transform="rotate(-90 15 {middle})">{escape(self.y_label)}</text>')
         out.append(f'<g clip-path="url(#{clip})">' + "".join(self.body) + "</g></svg>")
         return "".join(out)
 
