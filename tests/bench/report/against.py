@@ -111,7 +111,7 @@ def compare_quality(programs, graph_folders, results, sha, data, only, pairs):
             report(results, "quality", case.name, sha, then_times, now_times,
                    {"errors": errors, "errors_unchanged": same, "text": text})
         except BenchError as e:
-            say(f"{case.name}: {str(e).splitlines()[-1]}")
+            say(f"{case.name}: {e.reason()}")
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 

@@ -19,6 +19,11 @@ SOURCE = pathlib.Path(__file__).resolve().parents[3]
 class BenchError(Exception):
     """Something the user can put right; its text says what."""
 
+    def reason(self):
+        """One line of it: of a program that failed, what it said first."""
+        lines = str(self).splitlines()
+        return lines[1] if len(lines) > 1 else lines[0]
+
 
 def say(text):
     print(text, file=sys.stderr, flush=True)
@@ -35,7 +40,11 @@ def run(arguments, cwd=None):
     """Runs a program; wall-clock and processor seconds and the largest resident set in bytes."""
     arguments = [str(a) for a in arguments]
     begin = time.perf_counter()
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=cwd) as process:
+    try:
+        process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=cwd)
+    except OSError as e:
+        raise BenchError(f"{arguments[0]} cannot be run: {e.strerror}") from e
+    with process:
         # stderr is short; stdout of a JSON list of benchmarks fits a pipe's reader below.
         try:
             out = process.stdout.read()

@@ -5,6 +5,7 @@ import base64
 import json
 import math
 import pathlib
+import re
 import statistics
 
 from common import finite
@@ -173,7 +174,7 @@ def spp_plots(data):
 
 
 def roofline_plot(data):
-    limits, entries = data.kernels["limits"], [e for e in data.kernels["entries"] if "intensity" in e]
+    limits, entries = data.kernels["limits"], [e for e in data.kernels["entries"] if "intensity" in e and "/plain_" not in e["name"]]
     if not entries or "triad" not in limits:
         return ""
     threads = sorted({e["threads"] for e in entries} & set(int(k) for k in limits["triad"]))
@@ -221,10 +222,16 @@ def plot_right(plot):
     return 10 ** plot.x.high if plot.x.log else plot.x.high
 
 
+def kernel_name(name):
+    """Without what the table says in columns of its own."""
+    name = re.sub(r"/width:(\d+)/height:(\d+)", r"/\1x\2", name)
+    return re.sub(r"/real_time|/threads:\d+", "", name)
+
+
 def kernel_table(data):
     rows = []
     for e in data.kernels["entries"]:
-        rows.append([f"<code>{escape(e['name'])}</code>", e["threads"], short(e.get("ns_per_pixel"), 4),
+        rows.append([f"<code>{escape(kernel_name(e['name']))}</code>", e["threads"], short(e.get("ns_per_pixel"), 4),
                      short(e.get("bytes_per_pixel"), 4), short(e.get("flops_per_pixel"), 6),
                      short(e.get("flops_per_second", float("nan")) / 1e9), short(e.get("bytes_per_second", float("nan")) / 1e9),
                      f"{100 * e['share_of_limit']:.0f} % ({e['bound_by']})" if "share_of_limit" in e else "–",
@@ -269,7 +276,7 @@ def scaling_plots(data):
                 series[graph] = sorted((s["threads"], one / s["seconds"]) for s in of_graph if s["width"] == size)
         if series:
             plot = Plot("Speed-up over threads", Axis(1, most, log=False, only=list(range(1, most + 1))),
-                        Axis(0, most, log=False), "threads", "times faster than one thread", name="scaling-threads")
+                        Axis(0, max([most, *(y for f in series.values() for _, y in f)]), log=False), "threads", "times faster than one thread", name="scaling-threads")
             plot.x.low, plot.x.high = 0.8, most + 0.2
             plot.line([(1, 1), (most, most)], "#777", "1.5 3", 1.2, kind="model")
             for graph, found in sorted(series.items()):

@@ -4,7 +4,7 @@
 import pathlib
 
 from common import finite, say
-from html_report import Data, best, facts, geometric_mean, mib, seconds_text, short
+from html_report import Data, best, facts, kernel_name, mib, seconds_text, short
 from quality import PLAIN
 
 BEGIN = "<!-- generated: ./dev bench --write-docs -->"
@@ -61,8 +61,8 @@ def performance(data):
                      [[{"triad": "memory, triad, GB/s", "mul_add": "multiply and add, Gflop/s",
                         "fused": "fused multiply-add, Gflop/s"}[what], *(f"{v / 1e9:.1f}" for v in by.values())]
                       for what, by in limits.items()])
-        out += "\n" + table(["kernel", "ns a pixel", "bytes a pixel", "flop a pixel", "Gflop/s", "of the limit", "against its oracle"],
-                            [[f"`{e['name']}`", short(e.get("ns_per_pixel"), 4), short(e.get("bytes_per_pixel"), 4),
+        out += "\n" + table(["kernel", "threads", "ns a pixel", "bytes a pixel", "flop a pixel", "Gflop/s", "of the limit", "against its oracle"],
+                            [[f"`{kernel_name(e['name'])}`", e["threads"], short(e.get("ns_per_pixel"), 4), short(e.get("bytes_per_pixel"), 4),
                               short(e.get("flops_per_pixel"), 6), short(e.get("flops_per_second", float("nan")) / 1e9),
                               f"{100 * e['share_of_limit']:.0f} % ({e['bound_by']})" if "share_of_limit" in e else "–",
                               f"× {e['times_faster_than_oracle']:.1f}" if "times_faster_than_oracle" in e else "–"]

@@ -134,9 +134,9 @@ class Quality:
                 try:
                     fresh = self.case(case, folder)
                 except BenchError as e:
-                    say(f"[{number}/{len(possible)}] {case.name}: {e}")
+                    say(f"[{number}/{len(possible)}] {case.name}: {e.reason()}")
                     impossible.append({"graph": case.graph["graph"], "scene": case.scene.name,
-                                       "reason": "failed: " + str(e).splitlines()[-1],
+                                       "reason": "failed: " + e.reason(),
                                        "spp": [str(case.spp)], "never": False})
                     continue
                 line = self.results.latest("quality")

@@ -69,7 +69,7 @@ def scaling(program, results, data, graph_folder, megapixels, threads, spp=4, on
                     report, done = program.run_graph(
                         case.graph["file"], inputs, f"{case.output}={folder / 'out.exr'}", ["--threads", count])
                 except BenchError as e:
-                    say(f"scaling: {case.name}: {str(e).splitlines()[-1]}")
+                    say(f"scaling: {case.name}: {e.reason()}")
                     break
                 results.add("scaling", key, what=f"{case.graph['graph']}|{width}x{height}|{count}",
                             graph=case.graph["graph"], scene=case.scene.name, spp=case.spp, width=width,

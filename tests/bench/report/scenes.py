@@ -30,6 +30,7 @@ class Scene:
         # A file that is not there ends the stack: what counts are s01 … sNN without a gap.
         self.stack = [f for k, f in enumerate(self.stack, 1) if f.name == f"s{k:02d}.exr"]
         self._infos = {}
+        self._seconds = None
 
     def file(self, what, spp):
         """The file of one kind at one sample count, e.g. noisy_16.exr."""
@@ -76,6 +77,11 @@ class Scene:
         """Seconds a renderer needs for one sample of every pixel of this window, and where that is
         from. Of all files that say how long they took, the one with most samples: what rendering
         costs once (loading, building) is shared by more of them."""
+        if self._seconds is None:
+            self._seconds = self._read_seconds(program)
+        return self._seconds
+
+    def _read_seconds(self, program):
         best = None
         files = [(spp, self.file("noisy", spp)) for spp in self.single_spp()]
         files += [(1, f) for f in self.stack[:1]]

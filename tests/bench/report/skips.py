@@ -55,7 +55,7 @@ def skips(program, results, data, graph_folder, only=None, repeats=3):
                 try:
                     measure(case, program, results, folder, kind, key, repeats)
                 except BenchError as e:
-                    say(f"skip: {case.name}: {str(e).splitlines()[-1]}")
+                    say(f"skip: {case.name}: {e.reason()}")
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
