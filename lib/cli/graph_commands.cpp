@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/cli/command.h"
 #include "rayloom/core/error.h"
+#include "rayloom/core/text.h"
 #include "rayloom/engine/cache.h"
 #include "rayloom/graph/picture.h"
 #include "rayloom/graph/reader.h"
@@ -14,7 +15,40 @@ namespace rayloom::cli
 namespace
 {
 
-int check(const std::vector<std::string>& files)
+const char* kind_name(PortKind kind)
+{
+    switch (kind) {
+    case PortKind::image: return "image";
+    case PortKind::list: return "list";
+    case PortKind::deep: return "deep";
+    case PortKind::table: return "table";
+    }
+    return "";
+}
+
+/// What a program must know to run a graph on files of its own.
+std::string interface_json(const Graph& graph)
+{
+    std::string inputs, outputs;
+    for (const GraphInput& input : graph.inputs)
+        inputs += std::string(inputs.empty() ? "" : ", ") + "{\"name\": " + json_quote(input.name) +
+                  ", \"kind\": " + json_quote(kind_name(input.kind)) +
+                  ", \"required\": " + (input.required ? "true" : "false") +
+                  ", \"channels\": " + json_quote(input.channels) +
+                  ", \"role\": " + json_quote(input.role) + ", \"doc\": " + json_quote(input.doc) +
+                  "}";
+    for (const GraphOutput& output : graph.outputs)
+        outputs += std::string(outputs.empty() ? "" : ", ") +
+                   "{\"name\": " + json_quote(output.name) +
+                   ", \"kind\": " + (output.kind ? json_quote(kind_name(*output.kind)) : "null") +
+                   ", \"doc\": " + json_quote(output.doc) + "}";
+    return "{\"file\": " + json_quote(graph.file) + ", \"graph\": " + json_quote(graph.name) +
+           ", \"doc\": " + json_quote(graph.doc) +
+           ", \"nodes\": " + std::to_string(graph.nodes.size()) + ",\n \"inputs\": [" + inputs +
+           "],\n \"outputs\": [" + outputs + "]}";
+}
+
+int check(const std::vector<std::string>& files, bool json)
 {
     int exit_code = 0;
     for (const std::string& file : files) {
@@ -22,6 +56,10 @@ int check(const std::vector<std::string>& files)
             const Graph graph = read_graph(find_graph(file));
             for (const Problem& warning : graph.warnings)
                 std::cerr << warning.text() << " (a warning)\n";
+            if (json) {
+                std::cout << interface_json(graph) << "\n";
+                continue;
+            }
             std::cout << file << ": a graph of " << graph.nodes.size()
                       << " nodes, no mistake found\n";
         } catch (const Error& e) {
@@ -52,9 +90,19 @@ void add_graph_commands(CLI::App& app, Action& action)
 {
     CLI::App* check_command =
         app.add_subcommand("check", "Find every mistake in graph files, running nothing");
-    auto files = std::make_shared<std::vector<std::string>>();
-    check_command->add_option("graphs", *files, "Graph files")->required()->type_name("GRAPH");
-    check_command->callback([files, &action] { action = [files] { return check(*files); }; });
+    struct Check {
+        std::vector<std::string> files;
+        bool json = false;
+    };
+    auto checked = std::make_shared<Check>();
+    check_command->add_option("graphs", checked->files, "Graph files")
+        ->required()
+        ->type_name("GRAPH");
+    check_command->add_flag("--json", checked->json,
+                            "Print the inputs and outputs of each graph as JSON");
+    check_command->callback([checked, &action] {
+        action = [checked] { return check(checked->files, checked->json); };
+    });
 
     CLI::App* picture_command =
         app.add_subcommand("picture", "Draw a graph as DOT (default) or SVG");

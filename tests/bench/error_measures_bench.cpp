@@ -4,6 +4,7 @@
 #include <benchmark/benchmark.h>
 
 #include <random>
+#include <tbb/task_arena.h>
 
 namespace rayloom
 {
@@ -30,7 +31,9 @@ Pair noisy_pair(int width, int height)
     return pair;
 }
 
-void measure(benchmark::State& state, bool ssim, bool flip, bool hdr_flip)
+/// Arguments: width, height, threads. `flops` counts the equations of docs/measures.md by pixel,
+/// with the filters at their taps; HDR-FLIP does the work of FLIP for each exposure.
+void measure(benchmark::State& state, bool ssim, bool flip, bool hdr_flip, double flops)
 {
     const int width = static_cast<int>(state.range(0)), height = static_cast<int>(state.range(1));
     const Pair pair = noisy_pair(width, height);
@@ -38,26 +41,45 @@ void measure(benchmark::State& state, bool ssim, bool flip, bool hdr_flip)
     options.ssim = ssim;
     options.flip = flip;
     options.hdr_flip = hdr_flip;
+    tbb::task_arena arena(static_cast<int>(state.range(2)));
     for (auto _ : state)
-        benchmark::DoNotOptimize(
-            measure_errors(pair.image.view(), pair.reference.view(), options).rmse);
+        benchmark::DoNotOptimize(arena.execute([&] {
+            return measure_errors(pair.image.view(), pair.reference.view(), options).rmse;
+        }));
     state.SetItemsProcessed(state.iterations() * width * height);
+    state.counters["flops_per_pixel"] = flops;
+    state.counters["bytes_per_pixel"] = 4.0 * (3.0 + 3.0);
 }
 
-void pixelwise(benchmark::State& state) { measure(state, false, false, false); }
-void ssim(benchmark::State& state) { measure(state, true, false, false); }
-void flip(benchmark::State& state) { measure(state, false, true, false); }
-void hdr_flip(benchmark::State& state) { measure(state, false, false, true); }
+// Three channels: difference, square, sums, two quotients, absolute values.
+constexpr double pixelwise_flops = 3 * 13;
+// Five moments of luminance, 11 taps along x and y, multiply and add.
+constexpr double ssim_flops = pixelwise_flops + 5 * 2 * 11 * 2 + 40;
+// Of both images: four separable contrast filters of 21 taps, four feature filters of 19 taps.
+constexpr double flip_flops = pixelwise_flops + 2 * (4 * 2 * 21 * 2 + 4 * 2 * 19 * 2) + 150;
+
+void pixelwise(benchmark::State& state) { measure(state, false, false, false, pixelwise_flops); }
+void ssim(benchmark::State& state) { measure(state, true, false, false, ssim_flops); }
+void flip(benchmark::State& state) { measure(state, false, true, false, flip_flops); }
 
 #define RAYLOOM_BENCH_MEASURE(name)                                                                \
     BENCHMARK(name)                                                                                \
         ->Name("error_measures/" #name)                                                            \
-        ->Args({1280, 720})                                                                        \
+        ->ArgNames({"width", "height", "threads"})                                                 \
         ->Unit(benchmark::kMillisecond)                                                            \
-        ->UseRealTime()
-RAYLOOM_BENCH_MEASURE(pixelwise);
-RAYLOOM_BENCH_MEASURE(ssim);
-RAYLOOM_BENCH_MEASURE(flip);
+        ->UseRealTime()                                                                            \
+        ->Args({1280, 720, 1})                                                                     \
+        ->Args({1280, 720, 2})
+RAYLOOM_BENCH_MEASURE(pixelwise)->Args({640, 400, 1})->Args({3840, 2160, 1})->Args({3840, 2160, 2});
+RAYLOOM_BENCH_MEASURE(ssim)->Args({640, 400, 1})->Args({3840, 2160, 1})->Args({3840, 2160, 2});
+RAYLOOM_BENCH_MEASURE(flip)->Args({640, 400, 1});
+
+/// Its number of exposures is the image's, so it has no figure of flops.
+void hdr_flip(benchmark::State& state)
+{
+    measure(state, false, false, true, 0);
+    state.counters.erase("flops_per_pixel");
+}
 RAYLOOM_BENCH_MEASURE(hdr_flip);
 
 } // namespace

@@ -276,6 +276,12 @@ TEST_F(Command, ExplainsNodesAndGraphs)
     EXPECT_EQ(run({"picture", rhf, "-o", "graph.svg"}).exit_code, 0);
     EXPECT_TRUE(fs::exists(file("graph.svg")));
     EXPECT_THAT(run({"check", rhf}).out, HasSubstr("no mistake found"));
+    const YAML::Node interface = YAML::Load(run({"check", "--json", rhf}).out);
+    EXPECT_EQ(interface["inputs"][0]["name"].as<std::string>(), "stack");
+    EXPECT_EQ(interface["inputs"][0]["kind"].as<std::string>(), "list");
+    EXPECT_EQ(interface["inputs"][0]["role"].as<std::string>(), "beauty");
+    EXPECT_TRUE(interface["inputs"][0]["required"].as<bool>());
+    EXPECT_EQ(interface["outputs"][0]["name"].as<std::string>(), "image");
     const CommandResult info = run({"info", (scene / "noisy_16.exr").string()});
     EXPECT_EQ(info.exit_code, 0) << info.err;
     EXPECT_THAT(info.out, HasSubstr("ViewLayer.DiffInd"));
