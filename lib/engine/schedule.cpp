@@ -61,7 +61,10 @@ public:
     /// Hands demands on from consumers to producers. `held` (may be null): rows an item has
     /// already; a demand apart from them is grown until it touches, so that bands stay one
     /// interval.
-    void propagate(const std::vector<Region>* held = nullptr)
+    /// `available` (may be null): rows an item will have in memory by then; what it holds it need
+    /// not make again, so its producers are not asked.
+    void propagate(const std::vector<Region>* held = nullptr,
+                   const std::vector<Region>* available = nullptr)
     {
         for (std::size_t i = m_plan.items.size(); i-- > 0;) {
             const WorkItem& item = m_plan.items[i];
@@ -72,6 +75,7 @@ public:
                 if (r.y1 < h.y0) r.y1 = h.y0;
             }
             m_regions[i] = r;
+            if (!item.inlined && available && (*available)[i].contains(r)) continue;
             if (r.empty() || item.source) continue;
             const PlanResult& result = m_plan.ops[index(item.op)].result;
             for (const WorkItem::Input& in : item.inputs) {
@@ -263,10 +267,17 @@ void walk(const Plan& plan, const Schedule& schedule, SweepVisitor& visitor)
     for (std::size_t p = 0; p < schedule.sweeps.size(); ++p) {
         const Sweep& sweep = schedule.sweeps[p];
         std::vector<Region> later(n);
-        if (schedule.retain && p + 1 < schedule.sweeps.size())
-            later =
-                total_demand(plan, {schedule.sweeps.begin() + static_cast<std::ptrdiff_t>(p) + 1,
-                                    schedule.sweeps.end()});
+        if (schedule.retain && p + 1 < schedule.sweeps.size()) {
+            const auto split = schedule.sweeps.begin() + static_cast<std::ptrdiff_t>(p) + 1;
+            const std::vector<Region> kept = total_demand(plan, {schedule.sweeps.begin(), split});
+            for (auto sweep_after = split; sweep_after != schedule.sweeps.end(); ++sweep_after) {
+                Demand demand_after(plan);
+                for (const SweepRoot& root : *sweep_after) demand_after.add_root(root, root.domain);
+                demand_after.propagate(nullptr, &kept);
+                for (std::size_t i = 0; i < n; ++i)
+                    later[i] = later[i].hull(demand_after.regions()[i]);
+            }
+        }
         for (int strip = 0; strip < schedule.strips; ++strip) {
             Demand now(plan), rest(plan);
             for (const SweepRoot& root : sweep) {
@@ -275,7 +286,7 @@ void walk(const Plan& plan, const Schedule& schedule, SweepVisitor& visitor)
                 after.y0 = strip_rows(root, strip, schedule.strips).y1;
                 rest.add_root(root, after);
             }
-            now.propagate(&held);
+            now.propagate(&held, &held);
             rest.propagate();
             const std::vector<Region>& demand = now.regions();
 
