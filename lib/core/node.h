@@ -107,6 +107,7 @@ struct PlanResult {
     int row_alignment = 1; ///< Access::rows: bands start and end on multiples of this below data.y0
     bool pointwise = true; ///< no need function was given
     bool cheap = false;
+    std::string in_place; ///< input whose memory the output may share; empty: none
     std::size_t scratch_bytes = 0;
     std::vector<std::string> notes;
 };
@@ -168,6 +169,10 @@ public:
     /// The node has no output; compute() is called with the rows of `domain` in order, then
     /// commit().
     void sink(const Region& domain);
+    /// compute() may find `port` and the node's only output in the same memory: it reads each pixel
+    /// before it writes it, and no other pixel. Saves a copy of what was just read from a file. The
+    /// port must have no need function, and the output its window and channels.
+    void in_place(std::string_view port) { m_result.in_place = port; }
     /// So cheap that storing its result in the cache costs more than making it again.
     void cheap() { m_result.cheap = true; }
     /// Memory compute() allocates for one call, for the memory budget.

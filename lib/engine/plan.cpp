@@ -152,6 +152,35 @@ void Planner::choose_inlined()
         const auto s = static_cast<std::size_t>(out->stream);
         item.inlined = uses[s] == 1 && !keep[s] && m_plan.streams[s].kind != PortKind::deep;
     }
+    for (WorkItem& item : m_plan.items) choose_in_place(item, uses);
+}
+
+void Planner::choose_in_place(WorkItem& item, const std::vector<int>& uses)
+{
+    const auto index = [](int i) { return static_cast<std::size_t>(i); };
+    const auto wanted = [](const WorkItem& i) {
+        return std::ranges::count_if(i.outputs, &WorkItem::Output::wanted);
+    };
+    // Without shortcuts every item is kept for itself.
+    if (!m_options.skip || !item.needed || item.source || item.inlined || wanted(item) != 1) return;
+    const PlanResult& result = m_plan.ops[index(item.op)].result;
+    const auto in = std::ranges::find(item.inputs, result.in_place, &WorkItem::Input::port);
+    if (result.in_place.empty() || in == item.inputs.end() || in->streams.size() != 1) return;
+    const int s = in->streams.front();
+    WorkItem& reader = m_plan.items[index(m_plan.streams[index(s)].item)];
+    const auto out = std::ranges::find_if(item.outputs, &WorkItem::Output::wanted);
+    const ImageDesc& from = m_plan.streams[index(s)].desc;
+    const ImageDesc& to = m_plan.streams[index(out->stream)].desc;
+    if (reader.source || !reader.inputs.empty() || wanted(reader) != 1 || uses[index(s)] != 1 ||
+        m_plan.ops[index(reader.op)].result.access != Access::rows || from.data != to.data ||
+        from.channel_count() != to.channel_count())
+        return;
+    for (const auto& [op, ports] : m_reduce_streams)
+        for (const auto& [port, streams] : ports)
+            if (m_plan.ops[index(op)].needed && std::ranges::find(streams, s) != streams.end())
+                return;
+    item.in_place = s;
+    reader.inlined = true;
 }
 
 Plan Planner::make(const Graph& graph)
@@ -209,6 +238,17 @@ Plan Planner::make(const Graph& graph)
 }
 
 } // namespace planning
+
+Plan::RowAccess Plan::access_of(const WorkItem& item) const
+{
+    const auto result = [&](const WorkItem& i) -> const PlanResult& {
+        return ops[static_cast<std::size_t>(i.op)].result;
+    };
+    if (item.source) return {Access::tiles, 1};
+    if (item.in_place < 0) return {result(item).access, result(item).row_alignment};
+    const Stream& read = streams[static_cast<std::size_t>(item.in_place)];
+    return {Access::rows, result(items[static_cast<std::size_t>(read.item)]).row_alignment};
+}
 
 std::string PlannedOp::title() const { return "node '" + id + "' (" + op + ")"; }
 

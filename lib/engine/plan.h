@@ -80,7 +80,10 @@ struct WorkItem {
     std::vector<Input> inputs;
     std::vector<Output> outputs;
     bool needed = false;
-    bool inlined = false;               ///< evaluated inside its only consumer's tiles
+    bool inlined = false; ///< evaluated inside its only consumer's tiles
+    /// Stream of a file reader whose rows are read straight into this item's rows, which compute()
+    /// then works on in place; −1: none.
+    int in_place = -1;
     std::shared_ptr<const Node> source; ///< stands in for the op: its result, read from the cache
 };
 
@@ -107,6 +110,13 @@ struct Plan {
     std::vector<WorkItem> items; ///< in an order in which producers come first
     std::vector<Stream> streams;
     std::vector<PlannedOutput> outputs;
+    struct RowAccess {
+        Access access = Access::tiles;
+        int alignment = 1; ///< Access::rows: see PlanResult::row_alignment
+    };
+    /// How the item's rows are made.
+    RowAccess access_of(const WorkItem& item) const;
+
     /// Image inputs by op and port; reductions read them without a work item of their own.
     std::map<int, std::map<std::string, std::vector<int>, std::less<>>> op_inputs;
     std::vector<PrunedNode> pruned;

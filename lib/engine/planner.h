@@ -98,6 +98,7 @@ private:
     void describe_files(const Graph& graph);
     void prune();
     void choose_inlined();
+    void choose_in_place(WorkItem& item, const std::vector<int>& uses);
     bool stream_black(int stream);
     bool channel_black(int stream, int channel);
 

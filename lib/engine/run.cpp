@@ -209,6 +209,7 @@ private:
     }
     void compute_rows(const WorkItem& item, const Region& rows);
     void compute_deep_rows(const WorkItem& item, const Region& rows);
+    void compute_in_place(const WorkItem& item, const Region& rows);
     void compute_tile(const WorkItem& item, const Region& region);
     void evaluate(const WorkItem& item, const Region& region,
                   std::span<const TileContext::Output> outputs);
@@ -283,6 +284,10 @@ void Runner::call_node(const WorkItem& item, const Region& region,
                 if (stream.kind == PortKind::deep) {
                     deep[i] = m_deep[index(in.streams[e])].view();
                     tile_input.deep = {&deep[i], 1};
+                    continue;
+                }
+                if (item.in_place == in.streams[e]) {
+                    views[i].push_back(outputs.front().view);
                     continue;
                 }
                 if (!producer.inlined) {
@@ -363,7 +368,7 @@ void Runner::compute_rows(const WorkItem& item, const Region& rows)
     if (deep) return compute_deep_rows(item, rows);
     // Two blocks a thread at a time: enough to decode in parallel, little to hold undecoded, and a
     // stop is noticed soon.
-    const int align = op_of(item).result.row_alignment;
+    const int align = m_plan.access_of(item).alignment;
     const int step = align * std::clamp(2 * m_schedule.threads, std::max(1, 64 / align),
                                         std::max(1, 512 / align));
     for (int y = rows.y0; y < rows.y1; y += step) {
@@ -371,8 +376,28 @@ void Runner::compute_rows(const WorkItem& item, const Region& rows)
         Region part = rows;
         part.y0 = y;
         part.y1 = std::min(rows.y1, y + step);
-        compute_tile(item, part);
+        if (item.in_place < 0)
+            compute_tile(item, part);
+        else
+            compute_in_place(item, part);
     }
+}
+
+void Runner::compute_in_place(const WorkItem& item, const Region& rows)
+{
+    const Stream& read = m_plan.streams[index(item.in_place)];
+    const WorkItem& reader = m_plan.items[index(read.item)];
+    const WorkItem::Output& from = reader.outputs[index(read.output)];
+    const auto own = std::ranges::find_if(item.outputs, &WorkItem::Output::wanted);
+    const TileContext::Output target{from.port, m_bands[index(own->stream)].view().crop(rows)};
+    call_node(reader, rows, {&target, 1}, false, {});
+    const int th = m_schedule.tile_height;
+    parallel_for<int>(0, (rows.height() + th - 1) / th, 1, [&](int t) {
+        Region part = rows;
+        part.y0 = rows.y0 + t * th;
+        part.y1 = std::min(rows.y1, part.y0 + th);
+        compute_tile(item, part);
+    });
 }
 
 void Runner::compute(const std::vector<RowTask>& batch)
@@ -388,8 +413,7 @@ void Runner::compute(const std::vector<RowTask>& batch)
                 all.x1 = held.x1;
             }
         if (all.empty()) continue;
-        const Access access = item.source ? Access::tiles : op_of(item).result.access;
-        if (access != Access::tiles) {
+        if (m_plan.access_of(item).access != Access::tiles) {
             tasks.push_back({rows.item, all});
             continue;
         }
@@ -403,7 +427,7 @@ void Runner::compute(const std::vector<RowTask>& batch)
         parallel_for<std::size_t>(0, tasks.size(), 1, [&](std::size_t t) {
             check_stop();
             const WorkItem& item = m_plan.items[index(tasks[t].item)];
-            if (!item.source && op_of(item).result.access == Access::rows)
+            if (m_plan.access_of(item).access == Access::rows)
                 compute_rows(item, tasks[t].region);
             else
                 compute_tile(item, tasks[t].region);

@@ -25,13 +25,12 @@ std::size_t index(int i) { return static_cast<std::size_t>(i); }
 /// Region clipped to what exists, with whole rows or the whole window where the item wants them.
 Region shaped(const Plan& plan, const WorkItem& item, Region r)
 {
-    const PlanResult& result = plan.ops[index(item.op)].result;
     r = r.intersect(item.window);
     if (r.empty()) return {};
-    const Access access = item.source ? Access::tiles : result.access;
+    const auto [access, a] = plan.access_of(item);
     if (access == Access::whole) return item.window;
     if (access == Access::rows) {
-        const int a = result.row_alignment, y0 = item.window.y0;
+        const int y0 = item.window.y0;
         return Region{item.window.x0, y0 + (r.y0 - y0) / a * a, item.window.x1,
                       y0 + (r.y1 - y0 + a - 1) / a * a}
             .intersect(item.window);
@@ -237,7 +236,7 @@ std::size_t tile_scratch(const Plan& plan, const WorkItem& item, const Schedule&
     for (const WorkItem::Input& in : item.inputs)
         for (const int s : in.streams) {
             const WorkItem& producer = plan.items[index(plan.streams[index(s)].item)];
-            if (producer.inlined)
+            if (producer.inlined && item.in_place != s)
                 n += Band::bytes_for(plan.streams[index(s)].desc.channel_count(),
                                      schedule.tile_width, schedule.tile_height) +
                      tile_scratch(plan, producer, schedule);
@@ -260,6 +259,33 @@ std::vector<Region> total_demand(const Plan& plan, const std::vector<Sweep>& swe
     return total;
 }
 
+namespace
+{
+
+/// Rows that stay in memory after sweep `p` for the sweeps that follow. What an item keeps it need
+/// not make again, so its producers keep nothing for it. A band is one interval of rows: where
+/// later sweeps want little of what this one makes (a crop of an image that is summed as a whole),
+/// keeping it would keep the rest too, and it is made again.
+std::vector<Region> kept_for_later(const Plan& plan, const Schedule& schedule, std::size_t p)
+{
+    const auto split = schedule.sweeps.begin() + static_cast<std::ptrdiff_t>(p) + 1;
+    std::vector<Region> made = total_demand(plan, {schedule.sweeps.begin(), split});
+    const std::vector<Region> wanted = total_demand(plan, {split, schedule.sweeps.end()});
+    for (std::size_t i = 0; i < made.size(); ++i)
+        if (4 * wanted[i].height() < 3 * made[i].height()) made[i] = {};
+    std::vector<Region> later(made.size());
+    for (auto sweep = split; sweep != schedule.sweeps.end(); ++sweep) {
+        Demand demand(plan);
+        for (const SweepRoot& root : *sweep) demand.add_root(root, root.domain);
+        demand.propagate(nullptr, &made);
+        for (std::size_t i = 0; i < later.size(); ++i)
+            if (!made[i].empty()) later[i] = later[i].hull(demand.regions()[i]);
+    }
+    return later;
+}
+
+} // namespace
+
 void walk(const Plan& plan, const Schedule& schedule, SweepVisitor& visitor)
 {
     const std::size_t n = plan.items.size();
@@ -267,17 +293,8 @@ void walk(const Plan& plan, const Schedule& schedule, SweepVisitor& visitor)
     for (std::size_t p = 0; p < schedule.sweeps.size(); ++p) {
         const Sweep& sweep = schedule.sweeps[p];
         std::vector<Region> later(n);
-        if (schedule.retain && p + 1 < schedule.sweeps.size()) {
-            const auto split = schedule.sweeps.begin() + static_cast<std::ptrdiff_t>(p) + 1;
-            const std::vector<Region> kept = total_demand(plan, {schedule.sweeps.begin(), split});
-            for (auto sweep_after = split; sweep_after != schedule.sweeps.end(); ++sweep_after) {
-                Demand demand_after(plan);
-                for (const SweepRoot& root : *sweep_after) demand_after.add_root(root, root.domain);
-                demand_after.propagate(nullptr, &kept);
-                for (std::size_t i = 0; i < n; ++i)
-                    later[i] = later[i].hull(demand_after.regions()[i]);
-            }
-        }
+        if (schedule.retain && p + 1 < schedule.sweeps.size())
+            later = kept_for_later(plan, schedule, p);
         for (int strip = 0; strip < schedule.strips; ++strip) {
             Demand now(plan), rest(plan);
             for (const SweepRoot& root : sweep) {

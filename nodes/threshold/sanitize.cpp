@@ -68,7 +68,10 @@ public:
             if (m.limit > 0.0f) m_rule.highest[k] = m.limit;
         }
         context.output("image", image);
-        if (m_rule.repair == Repair::neighbours) context.needs("image", Halo::all(m_rule.reach));
+        if (m_rule.repair == Repair::neighbours)
+            context.needs("image", Halo::all(m_rule.reach));
+        else
+            context.in_place("image");
     }
     void compute(const TileContext& context) const override
     {

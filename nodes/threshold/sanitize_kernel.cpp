@@ -57,7 +57,7 @@ RepairCounts repair_pixels(const ConstImageView& in, const RepairRule& rule, con
             const float lo = rule.lowest[k], hi = rule.highest[k];
             const float* from = in.ptr(c, region.x0, y);
             float* to = out.row(c, y);
-            std::memcpy(to, from, width * sizeof(float));
+            if (to != from) std::memcpy(to, from, width * sizeof(float));
             if (all_good(from, width, lo, hi)) continue;
             if (row_is_fine) kinds.assign(width, fine);
             row_is_fine = false;

@@ -126,6 +126,33 @@ TEST_F(Engine, RowsThatNobodyNeedsAgainAreDropped)
     EXPECT_LT(report.peak_bytes, image->pixels.bytes());
 }
 
+TEST_F(Engine, WhatALaterSweepReadsIsKeptOnce)
+{
+    // The mean is taken of a blurred image first; then the blurred image is read again. Its rows
+    // are kept for that; those they were made from are not.
+    const std::string text = "rayloom: 1\nname: kept\ninputs:\n  a: {}\nnodes:\n"
+                             "  soft: {op: engine.box, image: a, radius: 2}\n"
+                             "  level: {op: engine.total, image: soft}\n"
+                             "  end: {op: engine.box, image: level.image, radius: 1}\n"
+                             "outputs:\n  image: end\n";
+    const auto image = noise_image({0, 0, 64, 4000}, 3);
+    const Graph graph = parse_graph(text, "kept.yaml");
+    RunRequest request;
+    request.inputs["a"].images = {image};
+    RunReport whole = run_graph(graph, request);
+    EXPECT_LT(whole.peak_bytes, image->pixels.bytes() * 4 / 3);
+    EXPECT_LE(whole.peak_bytes, whole.planned_peak_bytes);
+
+    // A crop wants little of it: it is made again rather than kept with all that lies between.
+    request.roi = Region{0, 100, 64, 400};
+    RunReport crop = run_graph(graph, request);
+    EXPECT_LT(crop.peak_bytes, image->pixels.bytes() / 3);
+    const MemoryImage& all = whole.images.at("image").front();
+    MemoryImage part{crop.images.at("image").front().desc, ImageBuffer(*request.roi, 3)};
+    copy_pixels(all.pixels.view(), part.pixels.view());
+    EXPECT_TRUE(same_bits(crop.images.at("image").front(), part));
+}
+
 TEST_F(Engine, PassThroughHandsOnTheContentKey)
 {
     const Graph graph = parse_graph(R"(
