@@ -32,9 +32,17 @@ cut() {
         --compression zip -o "$to/$scene/flash_16.exr"
 }
 
+# cut_passes SCENE WINDOW: the diffuse passes of each render of the stack.
+cut_passes() {
+    mkdir -p "$to/$1/stack_passes"
+    for n in 01 02 03 04 05 06 07 08; do
+        oiiotool --nosoftwareattrib "$from/$1/stack_passes/s$n.exr" --cut "$2" -d half \
+            --compression zip -o "$to/$1/stack_passes/s$n.exr"
+    done
+}
+
 cut cornell 288x288+0+0
 cut caustics 96x96+150+90
 cut interior 96x96+85+85
 cut dof 96x96+100+60
-# The whole cornell is there for its stack; a flash image of a mesh-lit box teaches little.
-rm "$to/cornell/flash_16.exr"
+cut_passes interior 96x96+85+85

@@ -26,11 +26,22 @@ class Scene:
         self.name, self.folder, self.reference = name, folder, reference
         note = folder / "scene.json"
         self.note = json.loads(note.read_text()) if note.exists() else {}
-        self.stack = sorted((folder / "stack").glob("s[0-9][0-9].exr"))
-        # A file that is not there ends the stack: what counts are s01 … sNN without a gap.
-        self.stack = [f for k, f in enumerate(self.stack, 1) if f.name == f"s{k:02d}.exr"]
+        self.stack = self._numbered("stack")
+        self.stack_passes = self._numbered("stack_passes")
         self._infos = {}
         self._seconds = None
+
+    def _numbered(self, what):
+        """A file that is not there ends the stack: what counts are s01 … sNN without a gap."""
+        files = sorted((self.folder / what).glob("s[0-9][0-9].exr"))
+        return [f for k, f in enumerate(files, 1) if f.name == f"s{k:02d}.exr"]
+
+    def stack_of(self, program, role):
+        """The stack whose files hold a role; light passes may lie in a stack of their own."""
+        for files in (self.stack, self.stack_passes):
+            if files and (not role or role in self.roles(program, files[0])):
+                return files
+        return []
 
     def file(self, what, spp):
         """The file of one kind at one sample count, e.g. noisy_16.exr."""
@@ -54,8 +65,8 @@ class Scene:
     def stack_spp(self):
         return [n for n in (2 ** k for k in range(2, 7)) if n <= len(self.stack)]
 
-    def stack_input(self, count):
-        return f"{self.folder}/stack/s%02d.exr@1-{count}"
+    def stack_input(self, count, what="stack"):
+        return f"{self.folder}/{what}/s%02d.exr@1-{count}"
 
     def info(self, program, file):
         if file not in self._infos:
@@ -146,8 +157,8 @@ class NotApplicable(Exception):
 def bind(program, graph, scene, spp):
     """A Case, or NotApplicable with the reason.
 
-    A list of beauties is the stack; an image with a role is that layer of noisy_<spp>.exr; any other
-    image is <input>_<spp>.exr or the part of flash_<spp>.exr of that name. Optional inputs are given
+    A list with a role is the stack (or stack_passes) whose files have it; an image with a role is that
+    layer of noisy_<spp>.exr, an image named `render` all of that file; any other image is <input>_<spp>.exr or the part of flash_<spp>.exr of that name. Optional inputs are given
     when their file is there, but the beauty only once."""
     table = CASES.get(graph["graph"], {})
     if "not_applicable" in table:
@@ -163,15 +174,22 @@ def bind(program, graph, scene, spp):
         value, missing = None, None
         noisy, own = scene.file("noisy", spp), scene.file(name, spp)
         if port["kind"] == "list":
-            if len(scene.stack) < spp:
-                missing = f"a stack of {spp} renders"
-            elif not required and (beauty or name != "stack"):
+            stack = scene.stack_of(program, role)
+            if not required and (beauty or name != "stack"):
                 continue
-            elif role and role not in scene.roles(program, scene.stack[0]):
-                missing = f"'{role}' in the files of the stack"
+            if not stack:
+                missing = f"'{role}' in the files of a stack" if role else "stack"
+            elif len(stack) < spp:
+                missing = f"stack of {spp} renders with '{role}'"
             else:
-                value, uses_stack = scene.stack_input(spp), True
-                files += scene.stack[:spp]
+                value, uses_stack = scene.stack_input(spp, stack[0].parent.name), True
+                files += stack[:spp]
+        elif name == "render" and not role and port["kind"] != "deep":
+            if noisy is None:
+                missing = f"noisy_{spp}.exr"
+            else:
+                value, beauty = str(noisy), True
+                files.append(noisy)
         elif port["kind"] == "deep" or not role or (is_beauty and not required):
             flash = scene.file("flash", spp)
             if is_beauty and beauty and not required:
