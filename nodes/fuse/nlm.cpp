@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <string>
 
 namespace rayloom
@@ -272,11 +273,9 @@ void NonLocalMeans::plan(PlanContext& context)
     const auto channels =
         static_cast<int>(m_channels.guide.size()) * m.patch_frames + 1 + m_image_channels +
         static_cast<int>(m_channels.tested.size() * 3 + m_channels.variance.size());
-    context.scratch(
-        ImageBuffer::bytes_for(planes, channels) * m_frames +
-        ImageBuffer::bytes_for(nlm_sums_region(block, m_settings), 2 * m_image_channels + 1) +
-        static_cast<std::size_t>(m.window * (m.patch + 1)) * sizeof(float) *
-            static_cast<std::size_t>(block_width + m.window + 2 * nlm_padding));
+    context.scratch(ImageBuffer::bytes_for(planes, channels) * m_frames +
+                    ImageBuffer::bytes_for(nlm_sums_region(block), 2 * m_image_channels + 1) +
+                    nlm_scratch_bytes(block, m_settings));
 }
 
 void NonLocalMeans::compute(const TileContext& context) const
@@ -298,6 +297,9 @@ void NonLocalMeans::compute_block(const TileContext& context, const Region& regi
     const auto tested = interval ? static_cast<int>(m_channels.tested.size()) : 0;
     const auto variances = m_has_variance ? static_cast<int>(m_channels.variance.size()) : 0;
     const bool one_sample = m_settings.gate == NlmGate::one_sample;
+    // The gate's planes are the image's own where its colours lie side by side.
+    const bool own_pixels =
+        interval && !context.has("tested") && m_colour.back() - m_colour.front() == tested - 1;
     const std::vector<float> frame_weights = nlm_patch_weights(m.patch_frames / 2);
 
     std::vector<ImageBuffer> storage;
@@ -308,7 +310,7 @@ void NonLocalMeans::compute_block(const TileContext& context, const Region& regi
     storage.reserve(m_frames);
     for (const std::size_t i : order) {
         const int guide_planes = guides * m.patch_frames;
-        const int interval_planes = tested * (one_sample ? 3 : 2);
+        const int interval_planes = tested * ((own_pixels ? 0 : 1) + (one_sample ? 2 : 1));
         ImageBuffer& buffer = storage.emplace_back(planes, guide_planes + 1 + m_image_channels +
                                                                interval_planes + variances);
         int next = 0;
@@ -333,12 +335,12 @@ void NonLocalMeans::compute_block(const TileContext& context, const Region& regi
         }
         frame.guide = guide;
 
-        const ImageView range = take(1);
+        const ImageView inverse = take(1);
         const float factor = 2.0f * m.range * m.range;
         const ConstImageView image = context.input("image", i);
         for (int y = planes.y0; y < planes.y1; ++y) {
-            float* row = range.row(0, y);
-            std::fill_n(row, planes.width(), -1.0f);
+            float* row = inverse.row(0, y);
+            std::fill_n(row, planes.width(), std::numeric_limits<float>::infinity());
             const ConstImageView from =
                 context.has("guide_variance") ? context.input("guide_variance", i) : image;
             const Region covered = from.region().intersect(planes).intersect(m_window);
@@ -350,24 +352,25 @@ void NonLocalMeans::compute_block(const TileContext& context, const Region& regi
                     for (const int c : m_channels.guide_variance) v += from.at(c, x, y);
                     v /= static_cast<float>(m_channels.guide_variance.size());
                 }
-                row[x - planes.x0] = std::max(factor * v, least_range);
+                row[x - planes.x0] = nlm_log2_e / std::max(factor * v, least_range);
             }
         }
-        frame.range = range;
+        frame.inverse = inverse;
 
         const ImageView pixels = take(m_image_channels);
         for (int c = 0; c < m_image_channels; ++c) fill_plane(image, c, pixels, c, 0.0f);
         frame.image = pixels;
 
         if (interval) {
-            const ConstImageView compared =
-                context.has("tested") ? context.input("tested", i) : image;
             const ConstImageView low = context.input("low", i), high = context.input("high", i);
-            const ImageView x_plane = take(tested), a_plane = take(tested),
-                            b_plane = take(one_sample ? tested : 0);
+            const ImageView x_plane =
+                own_pixels ? pixels.channel_range(m_colour.front(), tested) : take(tested);
+            const ImageView a_plane = take(tested), b_plane = take(one_sample ? tested : 0);
             for (int c = 0; c < tested; ++c) {
                 const auto at = static_cast<std::size_t>(c);
-                fill_plane(compared, m_channels.tested[at], x_plane, c, 0.0f);
+                if (!own_pixels)
+                    fill_plane(context.has("tested") ? context.input("tested", i) : image,
+                               m_channels.tested[at], x_plane, c, 0.0f);
                 fill_plane(low, m_channels.low[at], a_plane, c, 0.0f);
                 if (one_sample) {
                     fill_plane(high, m_channels.high[at], b_plane, c, 0.0f);
@@ -399,7 +402,7 @@ void NonLocalMeans::compute_block(const TileContext& context, const Region& regi
         frames.push_back(frame);
     }
 
-    ImageBuffer sums(nlm_sums_region(region, m_settings), m_image_channels + 1 + variances);
+    ImageBuffer sums(nlm_sums_region(region), m_image_channels + 1 + variances);
     nlm_sums({region, m_window, m_settings, frames, sums.view()});
 
     const ConstImageView result = sums.view();

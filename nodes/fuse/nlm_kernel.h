@@ -9,12 +9,13 @@
 ///     D(p)    = Σ_q w(p, q) · N(q) / Σ_q w(p, q)
 ///
 /// with σ_r² the smaller of the range variances of p and q and a ∈ {0, 1} the gate. A weight below
-/// e⁻⁸⁰ is zero. The patch distance is symmetric, so within the current frame one evaluation serves
-/// both pixels.
+/// 2⁻¹¹⁵ is zero. The patch distance is symmetric, so within the current frame one evaluation
+/// serves both pixels.
 #pragma once
 
 #include "rayloom/image/view.h"
 
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -39,19 +40,21 @@ struct NlmSettings {
 /// σ = (2·radius + 1) / 3.
 std::vector<float> nlm_patch_weights(int radius);
 
-/// Pixels beyond nlm_reach() that rows must have on the right, for whole vectors.
-constexpr int nlm_padding = 16;
+/// log₂ e: weights are computed as powers of two.
+constexpr float nlm_log2_e = 1.44269504f;
 
 /// What every plane of NlmFrame must cover: `region` with its window, patches and padding.
 Region nlm_plane_region(const Region& region, const NlmSettings& settings);
 /// What NlmJob::sums must cover; only `region` is meaningful afterwards.
-Region nlm_sums_region(const Region& region, const NlmSettings& settings);
+Region nlm_sums_region(const Region& region);
+/// Memory nlm_sums() takes for itself.
+std::size_t nlm_scratch_bytes(const Region& region, const NlmSettings& settings);
 
 /// Planes of one frame, each over nlm_plane_region(). Pixels outside the image: `guide` continues
-/// it in whatever way patches are to see it, `range` is negative, the rest is finite.
+/// it in whatever way patches are to see it, `inverse` is infinite, the rest is finite.
 struct NlmFrame {
     ConstImageView guide;    ///< divided by the root of its number of channels
-    ConstImageView range;    ///< 2 σ_r², above 0
+    ConstImageView inverse;  ///< log₂ e / (2 σ_r²)
     ConstImageView image;    ///< the channels to average
     ConstImageView tested;   ///< with a gate: x
     ConstImageView low;      ///< one-sample gate
@@ -73,7 +76,7 @@ struct NlmJob {
 /// Fills job.sums. The bits of a pixel depend neither on the region nor on the SIMD target.
 void nlm_sums(const NlmJob& job);
 
-/// exp(−x) for x ≥ 0 as the kernel computes it; relative error below 3e-7, 0 from 80 on.
-void nlm_exp_negative(std::span<const float> x, std::span<float> result);
+/// 2^−x for x ≥ 0 as the kernel computes it; relative error below 3e-7, 0 from 115 on.
+void nlm_power_of_two_negative(std::span<const float> x, std::span<float> result);
 
 } // namespace rayloom

@@ -91,19 +91,26 @@ ParamValues params(const std::string& gate, int window = 31, int patch = 5, int 
             {"patch_frames", std::int64_t{patch_frames}}};
 }
 
-oracle::NlmResult expected(const Case& c, const oracle::NlmSettings& settings,
-                           std::size_t centre = 0)
+oracle::NlmGate gate_of(const std::string& name)
+{
+    return name == "none"         ? oracle::NlmGate::none
+           : name == "one-sample" ? oracle::NlmGate::one_sample
+                                  : oracle::NlmGate::two_sample;
+}
+
+oracle::NlmResult<double> expected(const Case& c, const oracle::NlmSettings& settings,
+                                   std::size_t centre = 0)
 {
     std::vector<oracle::NlmFrame> frames;
     for (std::size_t f = 0; f < c.image.size(); ++f)
         frames.push_back({c.image[f].view(), c.guide[f].view(), c.guide_variance[f].view(),
                           c.low[f].view(), c.high[f].view()});
-    return filter_nlm(frames, centre, settings);
+    return oracle::filter_nlm<double>(frames, centre, settings, c.image.front().desc.data);
 }
 
 /// Compares pixels whose gates do not hang on rounding; `tolerance` is relative to `scale`.
-void expect_as_oracle(const TestImage& image, const oracle::NlmResult& oracle, double tolerance,
-                      double scale)
+void expect_as_oracle(const TestImage& image, const oracle::NlmResult<double>& oracle,
+                      double tolerance, double scale)
 {
     const Region& r = image.desc.data;
     std::size_t ambiguous = 0;
@@ -147,7 +154,7 @@ TEST_P(NlmAgainstOracle, SamePixels)
     const Case c = random_case(o.data, 1, 3, o.brightness, o.channels, o.guides);
     const NodeRun run = run_node("fuse.nlm", params(o.gate, o.window, o.patch), c.inputs());
     oracle::NlmSettings settings;
-    settings.gate = o.gate;
+    settings.gate = gate_of(o.gate);
     settings.window = o.window;
     settings.patch = o.patch;
     settings.sigma_s = o.window / 3.0;
@@ -163,6 +170,10 @@ INSTANTIATE_TEST_SUITE_P(
                     OracleCase{"window_wider_than_image", {0, 0, 9, 5}, "two-sample", 31, 5},
                     OracleCase{"patch_wider_than_image", {7, 7, 10, 8}, "none", 31, 9},
                     OracleCase{"one_pixel", {0, 0, 1, 1}, "two-sample", 7, 5},
+                    OracleCase{"patch_13", {0, 0, 30, 22}, "two-sample", 9, 13},
+                    OracleCase{"wide_window", {0, 0, 60, 24}, "one-sample", 43, 7},
+                    OracleCase{"seven_channels", {0, 0, 25, 20}, "one-sample", 7, 5, 1.0f, 7, 3},
+                    OracleCase{"eight_channels", {0, 0, 25, 20}, "none", 7, 9, 1.0f, 8, 1},
                     OracleCase{"dim", {0, 0, 25, 20}, "two-sample", 7, 5, 1e-8f},
                     OracleCase{"bright", {0, 0, 25, 20}, "one-sample", 7, 5, 1e8f},
                     OracleCase{
@@ -179,7 +190,7 @@ TEST(Nlm, FramesAndPatchesOverFramesAreAsTheOracleHasThem)
         for (const char* gate : {"one-sample", "two-sample"}) {
             const NodeRun run = run_node("fuse.nlm", params(gate, 7, 3, patch_frames), inputs);
             oracle::NlmSettings settings;
-            settings.gate = gate;
+            settings.gate = gate_of(gate);
             settings.window = 7;
             settings.patch = 3;
             settings.patch_frames = patch_frames;
@@ -215,16 +226,16 @@ TEST(Nlm, TilesAndSimdTargetsChangeNoBit)
     }
 }
 
-TEST(Nlm, ExponentialIsWithinItsBound)
+TEST(Nlm, PowerOfTwoIsWithinItsBound)
 {
     std::vector<float> x, y;
-    for (float v = 0.0f; v < 100.0f; v += 0.0137f) x.push_back(v);
+    for (float v = 0.0f; v < 130.0f; v += 0.0137f) x.push_back(v);
     x.push_back(1e-30f);
     y.resize(x.size());
-    nlm_exp_negative(x, y);
+    nlm_power_of_two_negative(x, y);
     for (std::size_t i = 0; i < x.size(); ++i) {
-        const double truth = std::exp(-static_cast<double>(x[i]));
-        if (x[i] >= 80.0f)
+        const double truth = std::exp2(-static_cast<double>(x[i]));
+        if (x[i] >= 115.0f)
             EXPECT_EQ(y[i], 0.0f);
         else
             EXPECT_NEAR(static_cast<double>(y[i]) / truth, 1.0, 3e-7) << x[i];
@@ -292,11 +303,11 @@ TEST(Nlm, VarianceOfTheResultIsThatOfItsWeights)
     inputs.push_back({"variance", {&one}, nullptr, true});
     const NodeRun run = run_node("fuse.nlm", params("none", 9, 3), inputs);
     oracle::NlmSettings settings;
-    settings.gate = "none";
+    settings.gate = oracle::NlmGate::none;
     settings.window = 9;
     settings.patch = 3;
     settings.sigma_s = 3.0;
-    const oracle::NlmResult truth = expected(c, settings);
+    const oracle::NlmResult<double> truth = expected(c, settings);
     for (int y = 0; y < 20; ++y)
         for (int x = 0; x < 20; ++x)
             ASSERT_NEAR(static_cast<double>(run.image("variance").view().at(2, x, y)),
