@@ -338,6 +338,8 @@ void walk(const Plan& plan, const Schedule& schedule, SweepVisitor& visitor)
                 if (held[i].empty()) held[i] = {};
             };
             std::function<void(std::size_t)> done_reading = [&](std::size_t i) {
+                // An inlined item whose reader has its rows already was not counted as a reader.
+                if (demand[i].empty()) return;
                 each_producer(i, [&](std::size_t producer) {
                     if (--readers[producer] > 0) return;
                     if (plan.items[producer].inlined)

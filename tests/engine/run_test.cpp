@@ -44,6 +44,33 @@ protected:
     void SetUp() override { register_engine_nodes(); }
 };
 
+TEST_F(Engine, RowsStayWhileSomeoneReadsThem)
+{
+    // In the last sweep `kept` has its rows from the first, so `inside` is not made again and reads
+    // nothing; `early` still has a reader.
+    const auto image = noise_image({0, 0, 97, 601}, 2);
+    const char* const graph = R"(
+rayloom: 1
+name: readers
+inputs:
+  color: any image
+nodes:
+  early: {op: engine.box, image: color, radius: 1}
+  inside: {op: engine.gain, image: early, factor: 3}
+  kept: {op: engine.sum, images: [inside, color]}
+  total: {op: engine.total, image: kept}
+  shifted: {op: engine.shift, image: kept, figures: total.figures}
+  late: {op: engine.box, image: early, radius: 2}
+  result: {op: engine.sum, images: [shifted, late]}
+outputs:
+  image: result
+)";
+    RunOptions plain;
+    plain.skip = false;
+    EXPECT_TRUE(same_bits(run_text(graph, {{"color", image}}),
+                          run_text(graph, {{"color", image}}, plain)));
+}
+
 TEST_F(Engine, PixelsDoNotDependOnHowTheyAreMade)
 {
     for (const Region window :
