@@ -39,11 +39,6 @@ double GeneralisedLaplacian::probability_within(double x) const
     return boost::math::gamma_p(1.0 / p, std::pow(x / s, p));
 }
 
-double GeneralisedLaplacian::median_absolute() const
-{
-    return s * std::pow(boost::math::gamma_p_inv(1.0 / p, 0.5), 1.0 / p);
-}
-
 double generalised_laplacian_kurtosis(double p)
 {
     return std::exp(log_gamma(5.0 / p) + log_gamma(1.0 / p) - 2.0 * log_gamma(3.0 / p));

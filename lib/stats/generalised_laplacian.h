@@ -19,8 +19,6 @@ struct GeneralisedLaplacian {
     double log_density(double x) const;
     /// P(|X| ≤ x), x ≥ 0.
     double probability_within(double x) const;
-    /// Median of |X|.
-    double median_absolute() const;
 };
 
 /// E x⁴ / (E x²)² = Γ(5/p)Γ(1/p)/Γ(3/p)²: falls from ∞ at p → 0 to 9/5 at p → ∞; 3 at p = 2.

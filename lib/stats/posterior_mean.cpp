@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/stats/posterior_mean.h"
 
-#include <boost/math/quadrature/gauss_kronrod.hpp>
-#include <boost/math/special_functions/gamma.hpp>
-#include <boost/math/tools/roots.hpp>
-
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
-#include <cstdint>
 
 namespace rayloom
 {
@@ -42,107 +37,27 @@ SignalFit fit_signal(double second, double fourth, const GeneralisedLaplacian& n
     return {fit.density, status};
 }
 
-GeneralisedLaplacian fit_quantiles(double median, double bound, double q)
-{
-    // ln (bound/median) falls with p.
-    const double wanted = std::log(std::max(bound / median, 1.0));
-    const auto excess = [&](double p) {
-        return std::log(boost::math::gamma_p_inv(1.0 / p, q) /
-                        boost::math::gamma_p_inv(1.0 / p, 0.5)) /
-                   p -
-               wanted;
-    };
-    GeneralisedLaplacian fit{1.0, least_shape};
-    if (excess(greatest_shape) >= 0.0) {
-        fit.p = greatest_shape;
-    } else if (excess(least_shape) > 0.0) {
-        std::uintmax_t steps = 100;
-        const auto [a, b] =
-            boost::math::tools::toms748_solve(excess, least_shape, greatest_shape,
-                                              boost::math::tools::eps_tolerance<double>(40), steps);
-        fit.p = 0.5 * (a + b);
-    }
-    fit.s = median / fit.median_absolute();
-    return fit;
-}
-
 // ------------------------------------------------------------------------------- posterior mean
 
 namespace
 {
 
-using boost::math::quadrature::gauss_kronrod;
-
-/// The integrand's exponent g(c) = −|c/a|^p_c − |y−c|^p_n in units of s_n, y ≥ 0.
-struct Exponent {
-    double y, inverse_a, signal_p, noise_p;
-
-    double operator()(double c) const
-    {
-        return -std::pow(std::fabs(c) * inverse_a, signal_p) - std::pow(std::fabs(y - c), noise_p);
-    }
-    /// g'(c) for 0 < c < y.
-    double slope(double c) const
-    {
-        return noise_p * std::pow(y - c, noise_p - 1.0) -
-               signal_p * inverse_a * std::pow(c * inverse_a, signal_p - 1.0);
-    }
-    /// −g''(c) for 0 < c < y.
-    double curvature(double c) const
-    {
-        return noise_p * (noise_p - 1.0) * std::pow(y - c, noise_p - 2.0) +
-               signal_p * (signal_p - 1.0) * inverse_a * inverse_a *
-                   std::pow(c * inverse_a, signal_p - 2.0);
-    }
-};
+/// g'(c) for 0 < c < y.
+double slope(const PosteriorExponent& g, double c)
+{
+    return g.noise_p * std::pow(g.y - c, g.noise_p - 1.0) -
+           g.signal_p * g.inverse_a * std::pow(c * g.inverse_a, g.signal_p - 1.0);
+}
+/// −g''(c) for 0 < c < y.
+double curvature(const PosteriorExponent& g, double c)
+{
+    return g.noise_p * (g.noise_p - 1.0) * std::pow(g.y - c, g.noise_p - 2.0) +
+           g.signal_p * (g.signal_p - 1.0) * g.inverse_a * g.inverse_a *
+               std::pow(c * g.inverse_a, g.signal_p - 2.0);
+}
 
 /// Of the integrand's maximum, what is below e^-negligible of it is left out.
 constexpr double negligible = 42.0;
-
-/// Both integrals over one interval, by Kronrod's rule and by the Gauss rule inside it.
-struct Interval {
-    double lo, hi;
-    double mass, first;             ///< ∫ e^g, ∫ c e^g
-    double mass_error, first_error; ///< Kronrod − Gauss
-};
-
-class Quadrature
-{
-public:
-    Quadrature(const Exponent& exponent, double peak) : m_exponent(exponent), m_peak(peak) {}
-
-    Interval integrate(double lo, double hi) const
-    {
-        const auto& x = gauss_kronrod<double, 15>::abscissa();
-        const auto& w = gauss_kronrod<double, 15>::weights();
-        const auto& g = boost::math::quadrature::gauss<double, 7>::weights();
-        const double middle = 0.5 * (lo + hi), half = 0.5 * (hi - lo);
-        double mass = 0.0, first = 0.0, gauss_mass = 0.0, gauss_first = 0.0;
-        const auto add = [&](double c, double kronrod, double gauss) {
-            const double e = std::exp(m_exponent(c) - m_peak);
-            mass += kronrod * e;
-            first += kronrod * e * c;
-            gauss_mass += gauss * e;
-            gauss_first += gauss * e * c;
-        };
-        add(middle, w[0], g[0]);
-        for (std::size_t i = 1; i < x.size(); ++i) {
-            const double gauss = i % 2 == 0 ? g[i / 2] : 0.0;
-            add(middle - half * x[i], w[i], gauss);
-            add(middle + half * x[i], w[i], gauss);
-        }
-        return {lo,
-                hi,
-                half * mass,
-                half * first,
-                half * (mass - gauss_mass),
-                half * (first - gauss_first)};
-    }
-
-private:
-    Exponent m_exponent;
-    double m_peak;
-};
 
 /// Adds b ± width·4^k inside [lo, hi].
 void grade(std::vector<double>& edges, double b, double width, double lo, double hi)
@@ -158,27 +73,27 @@ void grade(std::vector<double>& edges, double b, double width, double lo, double
 double unit_posterior_mean(double y, double a, double signal_p, double noise_p)
 {
     if (y == 0.0) return 0.0;
-    const Exponent g{y, 1.0 / a, signal_p, noise_p};
+    const PosteriorExponent g{y, 1.0 / a, signal_p, noise_p};
 
     // Maxima of g lie at its cusps, 0 and y, or between them. Two convex halves have none between.
     std::array<double, 4> modes{};
     std::size_t mode_count = 0;
     if (signal_p > 1.0 || noise_p > 1.0) {
         constexpr int steps = 24;
-        double before = y * 1e-9, slope_before = g.slope(before);
+        double before = y * 1e-9, slope_before = slope(g, before);
         for (int i = 1; i <= steps && mode_count < modes.size(); ++i) {
             // Denser towards both ends, where the two powers turn.
             const double t = static_cast<double>(i) / steps;
             const double x = i == steps ? y * (1.0 - 1e-9) : y * t * t * (3.0 - 2.0 * t);
-            const double slope_here = g.slope(x);
+            const double slope_here = slope(g, x);
             if (slope_before > 0.0 && slope_here <= 0.0) {
                 double lo = before, hi = x;
                 for (int k = 0;
                      k < 60 &&
-                     hi - lo > 1e-3 / std::sqrt(std::max(1e-300, g.curvature(0.5 * (lo + hi))));
+                     hi - lo > 1e-3 / std::sqrt(std::max(1e-300, curvature(g, 0.5 * (lo + hi))));
                      ++k) {
                     const double m = 0.5 * (lo + hi);
-                    (g.slope(m) > 0.0 ? lo : hi) = m;
+                    (slope(g, m) > 0.0 ? lo : hi) = m;
                 }
                 modes[mode_count++] = 0.5 * (lo + hi);
             }
@@ -186,9 +101,6 @@ double unit_posterior_mean(double y, double a, double signal_p, double noise_p)
             slope_before = slope_here;
         }
     }
-    double peak = std::max(g(0.0), g(y));
-    for (std::size_t i = 0; i < mode_count; ++i) peak = std::max(peak, g(modes[i]));
-
     const double reach = 2.0 * std::min(a * std::pow(negligible, 1.0 / signal_p) + y,
                                         y + std::pow(negligible, 1.0 / noise_p));
     const double lo = -reach, hi = y + reach;
@@ -203,41 +115,42 @@ double unit_posterior_mean(double y, double a, double signal_p, double noise_p)
     grade(edges, 0.0, (signal_p < 1.0 ? 1.0 / 1024.0 : 0.25) * at_zero, lo, hi);
     grade(edges, y, (noise_p < 1.0 ? 1.0 / 1024.0 : 0.25) * at_y, lo, hi);
     for (std::size_t i = 0; i < mode_count; ++i)
-        grade(edges, modes[i], 1.0 / std::sqrt(std::max(1e-300, g.curvature(modes[i]))), lo, hi);
+        grade(edges, modes[i], 1.0 / std::sqrt(std::max(1e-300, curvature(g, modes[i]))), lo, hi);
     std::ranges::sort(edges);
 
-    const Quadrature quadrature(g, peak);
-    std::vector<Interval> intervals;
+    // The edges hold both cusps and all modes, so the integrand's maximum is among them.
+    std::vector<double> exponents(edges.size());
+    posterior_exponents(g, edges, exponents);
+    const double peak = *std::ranges::max_element(exponents);
+
+    std::vector<PosteriorInterval> intervals;
     intervals.reserve(edges.size() + 64);
     double mass = 0.0, first = 0.0;
-    double g_before = g(edges.front());
     for (std::size_t i = 1; i < edges.size(); ++i) {
-        const double g_here = g(edges[i]);
-        const bool counts = std::max(g_before, g_here) > peak - negligible;
-        g_before = g_here;
+        const bool counts = std::max(exponents[i - 1], exponents[i]) > peak - negligible;
         if (!counts || edges[i] <= edges[i - 1]) continue;
-        intervals.push_back(quadrature.integrate(edges[i - 1], edges[i]));
+        intervals.push_back(posterior_interval(g, peak, edges[i - 1], edges[i]));
         mass += intervals.back().mass;
         first += intervals.back().first;
     }
     // What an interval's error does to the quotient: ∫ (c − ĉ) e^g is what has to be right.
     constexpr double tolerance = 1e-7;
     for (std::size_t i = 0; i < intervals.size() && intervals.size() < 20000; ++i) {
-        const Interval old = intervals[i];
+        const PosteriorInterval old = intervals[i];
         const double centre = first / mass;
         if (std::fabs(old.first_error - centre * old.mass_error) <= tolerance * mass) continue;
         const double middle = 0.5 * (old.lo + old.hi);
         if (middle <= old.lo || middle >= old.hi) continue;
-        intervals.push_back(quadrature.integrate(old.lo, middle));
-        const Interval left = intervals.back();
-        intervals.push_back(quadrature.integrate(middle, old.hi));
-        const Interval right = intervals.back();
+        intervals.push_back(posterior_interval(g, peak, old.lo, middle));
+        const PosteriorInterval left = intervals.back();
+        intervals.push_back(posterior_interval(g, peak, middle, old.hi));
+        const PosteriorInterval right = intervals.back();
         mass += left.mass + right.mass - old.mass;
         first += left.first + right.first - old.first;
         intervals[i].mass = intervals[i].first = 0.0;
     }
     mass = first = 0.0;
-    for (const Interval& i : intervals) {
+    for (const PosteriorInterval& i : intervals) {
         mass += i.mass;
         first += i.first;
     }
@@ -280,8 +193,9 @@ PosteriorMeanTable::PosteriorMeanTable(const GeneralisedLaplacian& signal,
         return;
     }
     m_kind = Kind::table;
-    m_scale = static_cast<float>(noise.s);
-    m_inverse_scale = static_cast<float>(1.0 / noise.s);
+    m_table.first_exponent = least_exponent;
+    m_table.scale = static_cast<float>(noise.s);
+    m_table.inverse_scale = static_cast<float>(1.0 / noise.s);
     const double ratio = signal.s / noise.s;
     const auto mean = [&](double y) { return unit_posterior_mean(y, ratio, signal.p, noise.p); };
 
@@ -290,8 +204,9 @@ PosteriorMeanTable::PosteriorMeanTable(const GeneralisedLaplacian& signal,
         1, 100);
     double start = std::exp2(least_exponent);
     double at_start = mean(start);
-    m_slope = static_cast<float>(at_start / start);
+    m_table.slope = static_cast<float>(at_start / start);
     int shift = least_shift;
+    std::vector<std::vector<std::array<double, 4>>> pieces; // of each octave
     for (int o = 0; o < octaves; ++o, start *= 2.0) {
         // Samples at start·(1 + i/n); doubled until those between are met by the cubics.
         shift = std::max(least_shift, shift - 1);
@@ -333,7 +248,7 @@ PosteriorMeanTable::PosteriorMeanTable(const GeneralisedLaplacian& signal,
             ++shift;
             if (worst <= interpolation_tolerance || shift >= greatest_shift) break;
         }
-        m_octaves.push_back({static_cast<int>(m_cubics.size()), shift});
+        std::vector<std::array<double, 4>>& octave = pieces.emplace_back();
         for (std::size_t i = 0; i < n; ++i) {
             std::array<double, 4> c = cubic(i);
             // Where noise is log-concave the curve rises: a cubic that turns inside its segment
@@ -345,52 +260,49 @@ PosteriorMeanTable::PosteriorMeanTable(const GeneralisedLaplacian& signal,
                                           (-c[2] + std::sqrt(disc)) / (3.0 * c[3])})
                     turns = turns || (root > 0.0 && root < 1.0);
             if (turns && noise.p >= 1.0) c = {sample[i], sample[i + 1] - sample[i], 0.0, 0.0};
-            m_cubics.push_back({static_cast<float>(c[0]), static_cast<float>(c[1]),
-                                static_cast<float>(c[2]), static_cast<float>(c[3])});
+            octave.push_back(c);
         }
         at_start = sample[n];
     }
-    m_end = static_cast<float>(start);
-    m_end_loss = static_cast<float>(start - at_start);
-}
-
-float PosteriorMeanTable::evaluate(float magnitude) const
-{
-    const float y = magnitude * m_inverse_scale;
-    const auto bits = std::bit_cast<std::uint32_t>(y);
-    const int octave = static_cast<int>(bits >> 23) - 127 - least_exponent;
-    if (octave < 0) return m_slope * magnitude;
-    if (y >= m_end) return magnitude - m_end_loss * m_scale;
-    const Octave& o = m_octaves[static_cast<std::size_t>(octave)];
-    const std::uint32_t mantissa = bits & 0x7fffffu;
-    const int down = 23 - o.shift;
-    const std::uint32_t segment = mantissa >> down;
-    // The rest of the mantissa is the place in the segment.
-    const float t = static_cast<float>(mantissa - (segment << down)) *
-                    std::bit_cast<float>(static_cast<std::uint32_t>(127 - down) << 23);
-    const Cubic& c = m_cubics[static_cast<std::size_t>(o.begin) + segment];
-    return std::min(m_scale * (c.c0 + t * (c.c1 + t * (c.c2 + t * c.c3))), magnitude);
+    m_table.end = static_cast<float>(start);
+    // All octaves get as many segments as the one that needs most: a cubic is cut in cubics.
+    std::size_t segments = 1;
+    for (const auto& octave : pieces) segments = std::max(segments, octave.size());
+    m_table.shift = std::countr_zero(segments);
+    m_cubics.reserve(segments * pieces.size());
+    for (const auto& octave : pieces)
+        for (std::size_t i = 0; i < segments; ++i) {
+            const double r = static_cast<double>(octave.size()) / static_cast<double>(segments);
+            const std::size_t parts = segments / octave.size();
+            const double t = r * static_cast<double>(i % parts);
+            const auto& [c0, c1, c2, c3] = octave[i / parts];
+            m_cubics.push_back({static_cast<float>(c0 + t * (c1 + t * (c2 + t * c3))),
+                                static_cast<float>(r * (c1 + t * (2.0 * c2 + t * 3.0 * c3))),
+                                static_cast<float>(r * r * (c2 + t * 3.0 * c3)),
+                                static_cast<float>(r * r * r * c3)});
+        }
+    m_table.end_loss = static_cast<float>(start - at_start);
 }
 
 float PosteriorMeanTable::operator()(float y) const
 {
-    if (m_kind == Kind::identity) return y;
-    if (m_kind == Kind::zero) return 0.0f;
-    return std::copysign(evaluate(std::fabs(y)), y);
+    float value = 0.0f;
+    apply({&y, 1}, {&value, 1});
+    return value;
 }
 
 void PosteriorMeanTable::apply(std::span<const float> in, std::span<float> out) const
 {
-    if (m_kind == Kind::identity) {
-        std::ranges::copy(in, out.begin());
-        return;
+    switch (m_kind) {
+    case Kind::identity: std::ranges::copy(in, out.begin()); break;
+    case Kind::zero: std::ranges::fill(out, 0.0f); break;
+    case Kind::table: {
+        CubicTable table = m_table;
+        table.cubics = m_cubics;
+        read_cubic_table(table, in, out);
+        break;
     }
-    if (m_kind == Kind::zero) {
-        std::ranges::fill(out, 0.0f);
-        return;
     }
-    for (std::size_t i = 0; i < in.size(); ++i)
-        out[i] = std::copysign(evaluate(std::fabs(in[i])), in[i]);
 }
 
 } // namespace rayloom

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "rayloom/stats/generalised_laplacian.h"
+#include "rayloom/stats/posterior_kernel.h"
 
 #include <cstddef>
 #include <span>
@@ -38,11 +39,6 @@ struct SignalFit {
 SignalFit fit_signal(double second, double fourth, const GeneralisedLaplacian& noise,
                      double sampling_error = 0.0);
 
-/// The distribution with this median of |x| and this bound on a share `q` > ½ of all |x|; the shape
-/// is kept in range, the median is always met. Deaf to what a few outliers do. Precondition: both
-/// positive.
-GeneralisedLaplacian fit_quantiles(double median, double bound, double q);
-
 /// Posterior mean ĉ(y) = ∫ p_n(y−c) p_c(c) c dc / ∫ p_n(y−c) p_c(c) dc, equation (11), by adaptive
 /// Gauss–Kronrod quadrature of the integrand scaled by its maximum, split at its cusps (0 and y)
 /// and at its modes. Error ≤ 1e-6 s_n for p in [0.3, 4].
@@ -50,7 +46,7 @@ double posterior_mean(double y, const GeneralisedLaplacian& signal,
                       const GeneralisedLaplacian& noise);
 
 /// The posterior mean as a function that costs a few operations a call: cubics between samples
-/// that lie evenly in each octave of |y|, as many to the octave as the tolerance asks for.
+/// that lie evenly in each octave of |y|, as many as the tolerance asks for.
 class PosteriorMeanTable
 {
 public:
@@ -72,23 +68,9 @@ public:
 
 private:
     enum class Kind { identity, zero, table };
-    /// ĉ/s_n over one segment as a cubic of the place t ∈ [0, 1] in it.
-    struct Cubic {
-        float c0, c1, c2, c3;
-    };
-    /// 2^shift segments in an octave, the first at `begin`.
-    struct Octave {
-        int begin, shift;
-    };
-    float evaluate(float magnitude) const;
-
     Kind m_kind = Kind::identity;
-    float m_scale = 1.0f, m_inverse_scale = 1.0f;
-    float m_slope = 1.0f;    ///< ĉ/y below the first octave
-    float m_end = 0.0f;      ///< greatest |y|/s_n of the table
-    float m_end_loss = 0.0f; ///< y − ĉ there, in units of s_n
-    std::vector<Octave> m_octaves;
-    std::vector<Cubic> m_cubics;
+    CubicTable m_table; ///< its span is filled in where it is used
+    std::vector<CubicTable::Cubic> m_cubics;
 };
 
 } // namespace rayloom

@@ -3,6 +3,7 @@
 
 #include "rayloom/core/error.h"
 #include "rayloom/image/border.h"
+#include "rayloom/simd/row_filters.h"
 
 #include <array>
 #include <cassert>
@@ -56,19 +57,16 @@ void load_mirrored(const Region& window, ConstImageView image, ImageView to)
     }
 }
 
+std::size_t width(const Region& r) { return static_cast<std::size_t>(r.width()); }
+
 /// out(i) = mean of in(i + {lo, hi}, j + {lo, hi}).
 void mean_of_four(ConstImageView in, int lo, int hi, ImageView out)
 {
     const Region& r = out.region();
-    const int n = r.width();
-    for (int y = r.y0; y < r.y1; ++y) {
-        const float* const a = in.ptr(0, r.x0 + lo, y + lo);
-        const float* const b = in.ptr(0, r.x0 + hi, y + lo);
-        const float* const c = in.ptr(0, r.x0 + lo, y + hi);
-        const float* const d = in.ptr(0, r.x0 + hi, y + hi);
-        float* const to = out.row(0, y);
-        for (int i = 0; i < n; ++i) to[i] = 0.25f * ((a[i] + b[i]) + (c[i] + d[i]));
-    }
+    for (int y = r.y0; y < r.y1; ++y)
+        mean_of_four_row(in.ptr(0, r.x0 + lo, y + lo), in.ptr(0, r.x0 + hi, y + lo),
+                         in.ptr(0, r.x0 + lo, y + hi), in.ptr(0, r.x0 + hi, y + hi), out.row(0, y),
+                         width(r));
 }
 
 Region grown(const Region& r, int left_up, int right_down)
@@ -182,17 +180,8 @@ void steerable_analyse(const SteerableBand& band, const Region& window, ConstIma
     }
     if (band.kind == SteerableBand::Kind::high) {
         for (int y = region.y0; y < region.y1; ++y) {
-            std::array<const float*, 3> rows;
-            for (int k = 0; k < 3; ++k)
-                rows[static_cast<std::size_t>(k)] = in.ptr(0, region.x0, y + k - 1);
-            const auto [a, b, c] = rows;
-            float* const to = out.row(0, y);
-            for (int i = 0; i < region.width(); ++i) {
-                const float left = (a[i - 1] + c[i - 1]) + 2.0f * b[i - 1];
-                const float middle = (a[i] + c[i]) + 2.0f * b[i];
-                const float right = (a[i + 1] + c[i + 1]) + 2.0f * b[i + 1];
-                to[i] = b[i] - 0.0625f * ((left + right) + 2.0f * middle);
-            }
+            const auto row = [&](int at) { return in.ptr(0, region.x0, at); };
+            binomial_rest_row(row(y - 1), row(y), row(y + 1), out.row(0, y), width(region));
         }
         return;
     }
@@ -228,8 +217,7 @@ void steerable_analyse(const SteerableBand& band, const Region& window, ConstIma
     for (int y = region.y0; y < region.y1; ++y) {
         const float* const plus = in.ptr(0, region.x0 + h * d.dx, y + h * d.dy);
         const float* const minus = in.ptr(0, region.x0 - h * d.dx, y - h * d.dy);
-        float* const to = out.row(0, y);
-        for (int i = 0; i < region.width(); ++i) to[i] = gain * (plus[i] - minus[i]);
+        difference_row(plus, minus, gain, out.row(0, y), width(region));
     }
 }
 
@@ -256,33 +244,23 @@ void steerable_synthesise(int levels, std::span<const ConstImageView> bands, Ima
             return bands[static_cast<std::size_t>(1 + (level - 1) * steerable_orientations +
                                                   orientation)];
         };
-        const int n = r.width();
         for (int y = r.y0; y < r.y1; ++y) {
             const auto at = [&](ConstImageView v, int dx, int dy) {
                 return v.ptr(0, r.x0 + h * dx, y + h * dy);
             };
-            const float *const a = at(low, -1, -1), *const b = at(low, 1, -1),
-                               *const c = at(low, -1, 1), *const d = at(low, 1, 1);
-            const float *const x0 = at(band(0), -1, 0), *const x1 = at(band(0), 1, 0);
-            const float *const f0 = at(band(1), -1, -1), *const f1 = at(band(1), 1, 1);
-            const float *const y0 = at(band(2), 0, -1), *const y1 = at(band(2), 0, 1);
-            const float *const g0 = at(band(3), -1, 1), *const g1 = at(band(3), 1, -1);
-            float* const o = to.row(0, y);
-            for (int i = 0; i < n; ++i)
-                o[i] = 0.25f * ((a[i] + b[i]) + (c[i] + d[i])) +
-                       (upright * ((x0[i] - x1[i]) + (y0[i] - y1[i])) +
-                        slanted * ((f0[i] - f1[i]) + (g0[i] - g1[i])));
+            frame_row(
+                {{at(low, -1, -1), at(low, 1, -1), at(low, -1, 1), at(low, 1, 1)},
+                 {at(band(0), -1, 0), at(band(0), 1, 0), at(band(2), 0, -1), at(band(2), 0, 1)},
+                 {at(band(1), -1, -1), at(band(1), 1, 1), at(band(3), -1, 1), at(band(3), 1, -1)},
+                 upright,
+                 slanted},
+                to.row(0, y), width(r));
         }
         low = to;
     }
-    for (int y = region.y0; y < region.y1; ++y) {
-        const float* const high = bands.front().ptr(0, region.x0, y);
-        const float* const a = low.ptr(0, region.x0, y - 1);
-        const float* const b = low.ptr(0, region.x0, y);
-        float* const to = out.row(0, y);
-        for (int i = 0; i < region.width(); ++i)
-            to[i] = high[i] + 0.25f * ((a[i - 1] + a[i]) + (b[i - 1] + b[i]));
-    }
+    for (int y = region.y0; y < region.y1; ++y)
+        add_low_row(bands.front().ptr(0, region.x0, y), low.ptr(0, region.x0, y - 1),
+                    low.ptr(0, region.x0, y), out.row(0, y), width(region));
 }
 
 } // namespace rayloom

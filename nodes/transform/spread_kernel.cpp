@@ -2,6 +2,7 @@
 #include "nodes/transform/spread_kernel.h"
 
 #include "rayloom/image/border.h"
+#include "rayloom/simd/row_filters.h"
 
 #include <algorithm>
 #include <utility>
@@ -19,22 +20,14 @@ void smooth(ConstImageView in, int d, const Region& r, ImageBuffer& between, Ima
     between.reshape(tall, 1);
     out.reshape(r, 1);
     const ImageView middle = between.view(), to = out.view();
-    const int n = r.width();
+    const auto n = static_cast<std::size_t>(r.width());
     for (int y = tall.y0; y < tall.y1; ++y) {
-        const float* const a = in.ptr(0, r.x0 - 2 * d, y);
-        const float *const b = a + d, *const c = b + d, *const e = c + d, *const f = e + d;
-        float* const o = middle.row(0, y);
-        for (int i = 0; i < n; ++i)
-            o[i] = 0.0625f * (a[i] + f[i]) + (0.25f * (b[i] + e[i]) + 0.375f * c[i]);
+        const float* const c = in.ptr(0, r.x0, y);
+        spline_row(c - 2 * d, c - d, c, c + d, c + 2 * d, middle.row(0, y), n);
     }
-    for (int y = r.y0; y < r.y1; ++y) {
-        const float *const a = middle.row(0, y - 2 * d), *const b = middle.row(0, y - d),
-                           *const c = middle.row(0, y), *const e = middle.row(0, y + d),
-                           *const f = middle.row(0, y + 2 * d);
-        float* const o = to.row(0, y);
-        for (int i = 0; i < n; ++i)
-            o[i] = 0.0625f * (a[i] + f[i]) + (0.25f * (b[i] + e[i]) + 0.375f * c[i]);
-    }
+    for (int y = r.y0; y < r.y1; ++y)
+        spline_row(middle.row(0, y - 2 * d), middle.row(0, y - d), middle.row(0, y),
+                   middle.row(0, y + d), middle.row(0, y + 2 * d), to.row(0, y), n);
 }
 
 /// K of `in`, in place of it; `in` covers r grown by spread_reach().

@@ -142,22 +142,5 @@ TEST(SignalFit, SaysWhatItCouldNotMeet)
     EXPECT_EQ(fit_signal(0.0, 0.0, {0.0, 2.0}).status, SignalStatus::no_signal);
 }
 
-TEST(SignalFit, QuantilesTellShapeAndScale)
-{
-    for (const double p : {0.35, 0.8, 1.5, 3.0}) {
-        const GeneralisedLaplacian truth{0.2, p};
-        double lo = 0.0, hi = 1e4;
-        for (int i = 0; i < 200; ++i) {
-            const double x = 0.5 * (lo + hi);
-            (truth.probability_within(x) < 0.95 ? lo : hi) = x;
-        }
-        const GeneralisedLaplacian fit = fit_quantiles(truth.median_absolute(), lo, 0.95);
-        EXPECT_NEAR(fit.p, p, 1e-6 * p);
-        EXPECT_NEAR(fit.s, 0.2, 1e-6);
-    }
-    EXPECT_EQ(fit_quantiles(1.0, 1.0, 0.95).p, greatest_shape);
-    EXPECT_EQ(fit_quantiles(1.0, 1e9, 0.95).p, least_shape);
-}
-
 } // namespace
 } // namespace rayloom
