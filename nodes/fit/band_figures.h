@@ -21,7 +21,9 @@ GeneralisedLaplacian signal_of(const Table& figures, std::size_t channel);
 /// The part of a band that lies over the image, without the margin that only mirrors it.
 Region over_image(const SteerableBand& band, const Region& window);
 
-/// Sums over values v that are zero in the mean: Σ1, Σv², Σv⁴, max |v|.
+/// Sums over values v that are zero in the mean: Σ1, Σv², Σv⁴, max |v|. Values that are exactly
+/// zero are not counted: they are flat parts of the image (a black background), where there is
+/// nothing to tell signal from noise by.
 struct BandMoments {
     static constexpr std::size_t size = 4;
     static void add(std::span<const float> values, std::span<double> sums);
@@ -32,6 +34,7 @@ struct BandMoments {
 
     explicit BandMoments(std::span<const double> sums);
     double count, second, fourth, greatest; ///< second and fourth: means, 0 when count is
+    double kurtosis() const { return second > 0.0 ? fourth / second / second : 0.0; }
     /// Relative standard error of `second` as an estimate of the variance.
     double sampling_error() const;
 };

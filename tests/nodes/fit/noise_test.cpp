@@ -39,7 +39,8 @@ TEST(FitNoise, HalvesShowTheNoiseOfTheirMean)
         tables_of("  bands: {op: multiscale.steerable, image: image}\n"
                   "  bands_a: {op: multiscale.steerable, image: a}\n"
                   "  bands_b: {op: multiscale.steerable, image: b}\n"
-                  "  noise: {op: fit.noise, band: bands, a: bands_a, b: bands_b}\n",
+                  "  noise: {op: fit.noise, band: bands, a: bands_a, b: bands_b, margin: 1,\n"
+                  "          least_shape: 0.3}\n",
                   "  image: any\n  a: any\n  b: any\n", {{"image", a}, {"a", a}, {"b", b}});
     ASSERT_EQ(figures.size(), 14u);
     for (std::size_t i = 0; i < 13; ++i) {
@@ -58,12 +59,47 @@ TEST(FitNoise, TheHighPassOfOneImageWillDo)
 {
     const auto image = noisy(3, 0.4f);
     const auto figures = tables_of("  bands: {op: multiscale.steerable, image: image, levels: 2}\n"
-                                   "  noise: {op: fit.noise, band: bands, high: 'bands[0]'}\n",
+                                   "  high: {op: fit.noise, band: 'bands[0]', margin: 1}\n"
+                                   "  noise: {op: fit.noise, band: bands, high: high.figures,\n"
+                                   "          growth: 1}\n",
                                    "  image: any\n", {{"image", image}});
     for (std::size_t i = 0; i < 9; ++i) {
         const double gain = i == 0 ? std::sqrt(41.0 / 64.0) : i % 2 == 1 ? std::sqrt(0.125) : 0.25;
         // The edges of the texture add a little.
         EXPECT_NEAR(figures[i].number("deviation", 1), gain * 0.4, gain * 0.4 * 0.15) << i;
+    }
+}
+
+TEST(FitNoise, MarginGrowthAndLeastShape)
+{
+    // A tenth of the pixels is much noisier than the rest: long tails, though no pixel has them.
+    std::mt19937 random(6);
+    std::normal_distribution<float> noise(0.0f, 1.0f);
+    const auto image = image_of({0, 0, 200, 200}, {"R"}, [&](int, int x, int) {
+        return x < 50 ? 0.0f : noise(random) * (x < 65 ? 1.0f : 0.1f);
+    });
+    const auto run = [&](const std::string& high, const std::string& bands) {
+        return tables_of("  bands: {op: multiscale.steerable, image: image}\n"
+                         "  high: {op: fit.noise, band: 'bands[0]'" +
+                             high +
+                             "}\n"
+                             "  noise: {op: fit.noise, band: bands, high: high.figures" +
+                             bands + "}\n",
+                         "  image: any\n", {{"image", image}});
+    };
+    const auto plain = run(", margin: 1, least_shape: 0.3", ", growth: 1"),
+               least = run(", margin: 1", ", growth: 1"),
+               all = run(", margin: 1.5, least_shape: 0.3", ", growth: 1.25");
+    // The black quarter is not counted.
+    EXPECT_NEAR(plain[0].number("deviation"), 0.8 * std::sqrt((15.0 + 135.0 * 0.01) / 150.0), 0.02);
+    EXPECT_LT(plain[0].number("p_n"), 1.0);
+    EXPECT_GT(plain[0].number("kurtosis"), 10.0);
+    EXPECT_EQ(least[0].number("p_n"), 1.5);
+    EXPECT_NEAR(least[5].number("deviation"), plain[5].number("deviation"), 1e-9);
+    for (const std::size_t i : {0u, 1u, 6u, 12u}) {
+        const int level = i == 0 ? 0 : static_cast<int>((i - 1) / 4) + 1;
+        EXPECT_NEAR(all[i].number("deviation"),
+                    1.5 * std::pow(1.25, level) * plain[i].number("deviation"), 1e-9);
     }
 }
 
@@ -91,7 +127,7 @@ TEST(FitNoise, NothingToMeasureByIsAnError)
                            "  image: any\n", {{"image", image}}),
                  GraphError);
     EXPECT_THROW(tables_of("  bands: {op: multiscale.steerable, image: image}\n"
-                           "  noise: {op: fit.noise, band: bands, high: 'bands[1]'}\n",
+                           "  noise: {op: fit.noise, band: 'bands[1]'}\n",
                            "  image: any\n", {{"image", image}}),
                  GraphError);
 }

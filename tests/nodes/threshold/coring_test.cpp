@@ -14,7 +14,10 @@ namespace
 std::string chain(const std::string& noise, const std::string& coring = "")
 {
     return "  bands: {op: multiscale.steerable, image: image, levels: 3}\n"
-           "  noise: {op: fit.noise, band: bands, high: 'bands[0]'" +
+           "  high: {op: fit.noise, band: 'bands[0]'" +
+           noise +
+           "}\n"
+           "  noise: {op: fit.noise, band: bands, high: high.figures" +
            noise +
            "}\n"
            "  fit: {op: fit.laplacian, band: bands, noise: noise.figures}\n"
