@@ -11,6 +11,7 @@ endif()
 include(GNUInstallDirs)
 set(RAYLOOM_CMAKE_FOLDER ${CMAKE_INSTALL_LIBDIR}/cmake/rayloom)
 set(RAYLOOM_DATA_FOLDER ${CMAKE_INSTALL_DATADIR}/rayloom)
+set(RAYLOOM_PYTHON_FOLDER lib/python3/dist-packages) # where Debian's Python looks under /usr and /usr/local
 
 file(RELATIVE_PATH RAYLOOM_BIN_TO_LIB /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${CMAKE_INSTALL_LIBDIR})
 file(RELATIVE_PATH RAYLOOM_LIB_TO_DATA /prefix/${CMAKE_INSTALL_LIBDIR} /prefix/${RAYLOOM_DATA_FOLDER})

@@ -95,6 +95,13 @@ elseif(STEP STREQUAL command)
     message(FATAL_ERROR "the run wrote no ${WORK}/calm.exr")
   endif()
 
+elseif(STEP STREQUAL python)
+  set(ENV{PYTHONPATH} ${prefix}/lib/python3/dist-packages)
+  set(ENV{RAYLOOM_PLUGINS} ${WORK}/plugins)
+  run(COMMAND ${PYTHON} -c
+    "import rayloom; print(rayloom.Graph('virtual-flash'), 'example.despeckle' in rayloom.nodes())" OUTPUT out)
+  expect("${out}" "<rayloom.Graph 'virtual-flash'> True\n")
+
 else()
   message(FATAL_ERROR "there is no step '${STEP}'")
 endif()
