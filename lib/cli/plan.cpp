@@ -18,6 +18,7 @@ namespace
 
 const char* how(const WorkItem& item, const PlannedOp& op)
 {
+    if (item.lent) return "in memory";
     if (item.in_place >= 0) return "in place, on the rows just read";
     if (item.source) return "from the cache";
     if (op.result.sink) return "written row by row";

@@ -49,6 +49,8 @@ void Band::keep(int lo, int hi)
     }
 }
 
+ConstImageView Band::view() const { return m_lent ? *m_lent : const_cast<Band*>(this)->view(); }
+
 ImageView Band::view()
 {
     if (m_hi <= m_lo) return ImageView(nullptr, {m_x0, 0, m_x1, 0}, m_channels, 0, 0);

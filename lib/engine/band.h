@@ -7,6 +7,7 @@
 #include "rayloom/image/view.h"
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace rayloom
@@ -18,6 +19,12 @@ class Band
 public:
     Band() = default;
     Band(int channels, int x0, int x1) : m_channels(channels), m_x0(x0), m_x1(x1) {}
+    /// All rows of an image that belongs to someone else; they are there for as long as it is.
+    explicit Band(const ConstImageView& lent)
+        : m_channels(lent.channels()), m_x0(lent.region().x0), m_x1(lent.region().x1),
+          m_lo(lent.region().y0), m_hi(lent.region().y1), m_lent(lent)
+    {
+    }
 
     /// Rows held now; empty region when none.
     Region held() const { return {m_x0, m_lo, m_x1, m_hi}; }
@@ -28,6 +35,8 @@ public:
     /// Forgets rows outside [lo, hi); frees the memory when none is left.
     void keep(int lo, int hi);
 
+    ConstImageView view() const;
+    /// Precondition: the band's own rows, not lent ones.
     ImageView view();
     std::size_t bytes() const { return m_buffer.bytes(); }
     /// Bytes extend() would leave allocated; for the planner.
@@ -38,6 +47,7 @@ private:
     int m_lo = 0, m_hi = 0;
     int m_base = 0; ///< image row of the buffer's first row
     ImageBuffer m_buffer;
+    std::optional<ConstImageView> m_lent;
 };
 
 /// The same for deep rows.

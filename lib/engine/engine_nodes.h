@@ -18,6 +18,7 @@ public:
     void plan(PlanContext& context) override;
     void compute(const TileContext& context) const override;
     std::string content_key(bool thorough) const override;
+    ConstImageView pixels() const { return std::as_const(*m_image).pixels.view(); }
 
 private:
     std::shared_ptr<const MemoryImage> m_image;

@@ -2,6 +2,7 @@
 #include "rayloom/engine/plan.h"
 
 #include "rayloom/engine/cache.h"
+#include "rayloom/engine/engine_nodes.h"
 #include "rayloom/engine/planner.h"
 
 #include <OpenImageIO/hash.h>
@@ -153,6 +154,12 @@ void Planner::choose_inlined()
         item.inlined = uses[s] == 1 && !keep[s] && m_plan.streams[s].kind != PortKind::deep;
     }
     for (WorkItem& item : m_plan.items) choose_in_place(item, uses);
+    // Without shortcuts every item makes rows of its own.
+    for (WorkItem& item : m_plan.items)
+        if (m_options.skip && item.needed && !item.source && !item.inlined)
+            if (const auto* memory = dynamic_cast<const MemorySource*>(
+                    m_plan.ops[static_cast<std::size_t>(item.op)].node.get()))
+                item.lent = memory->pixels();
 }
 
 void Planner::choose_in_place(WorkItem& item, const std::vector<int>& uses)

@@ -84,6 +84,8 @@ struct WorkItem {
     /// Stream of a file reader whose rows are read straight into this item's rows, which compute()
     /// then works on in place; −1: none.
     int in_place = -1;
+    /// Pixels of the caller that are read where they are; the item has no rows of its own.
+    std::optional<ConstImageView> lent;
     std::shared_ptr<const Node> source; ///< stands in for the op: its result, read from the cache
 };
 

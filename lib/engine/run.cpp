@@ -103,12 +103,14 @@ public:
                 const Region& c = columns[static_cast<std::size_t>(&item - plan.items.data())];
                 if (stream.kind == PortKind::deep)
                     m_deep[index(out.stream)].set_window(item.window, stream.desc.channel_count());
+                else if (item.lent)
+                    m_bands[index(out.stream)] = Band(*item.lent);
                 else
                     m_bands[index(out.stream)] = Band(stream.desc.channel_count(), c.x0, c.x1);
             }
         for (const WorkItem& item : plan.items) {
             const Region& c = columns[static_cast<std::size_t>(&item - plan.items.data())];
-            if (item.needed && !item.inlined) m_total_work += c.pixels();
+            if (item.needed && !item.inlined && !item.lent) m_total_work += c.pixels();
         }
         if (!options.cache_folder.empty()) m_cache.emplace(options.cache_folder);
         m_cache_writers.resize(plan.streams.size());
@@ -140,6 +142,7 @@ public:
     // SweepVisitor
     void extend(int item, int lo, int hi, int reserve) override
     {
+        if (m_plan.items[index(item)].lent) return;
         for (const WorkItem::Output& out : m_plan.items[index(item)].outputs) {
             if (!out.wanted) continue;
             if (m_plan.streams[index(out.stream)].kind == PortKind::deep) {
@@ -159,6 +162,7 @@ public:
     }
     void keep(int item, int lo, int hi) override
     {
+        if (m_plan.items[index(item)].lent) return;
         for (const WorkItem::Output& out : m_plan.items[index(item)].outputs) {
             if (!out.wanted) continue;
             Band& band = m_bands[index(out.stream)];
@@ -291,7 +295,7 @@ void Runner::call_node(const WorkItem& item, const Region& region,
                     continue;
                 }
                 if (!producer.inlined) {
-                    views[i].push_back(m_bands[index(in.streams[e])].view());
+                    views[i].push_back(std::as_const(m_bands[index(in.streams[e])]).view());
                     continue;
                 }
                 const Region part = region.intersect(producer.window);
@@ -405,6 +409,7 @@ void Runner::compute(const std::vector<RowTask>& batch)
     std::vector<Task> tasks;
     for (const RowTask& rows : batch) {
         const WorkItem& item = m_plan.items[index(rows.item)];
+        if (item.lent) continue;
         Region all{item.window.x0, rows.lo, item.window.x1, rows.hi};
         for (const WorkItem::Output& out : item.outputs)
             if (out.wanted && m_plan.streams[index(out.stream)].kind != PortKind::deep) {

@@ -215,6 +215,7 @@ private:
     std::size_t item_bytes(int i, int rows) const
     {
         std::size_t n = 0;
+        if (m_plan.items[index(i)].lent) return 0;
         for (const WorkItem::Output& out : m_plan.items[index(i)].outputs)
             if (out.wanted)
                 n += Band::bytes_for(m_plan.streams[index(out.stream)].desc.channel_count(),

@@ -97,5 +97,30 @@ TEST_F(InPlace, SamePixelsAndCountsAsWithItsOwnMemory)
     EXPECT_TRUE(same_bits(crop, part));
 }
 
+TEST(LentPixels, ImagesOfTheCallerAreReadWhereTheyAre)
+{
+    const Graph graph = parse_graph(text, "lent");
+    RunRequest request;
+    request.inputs["color"].images = {noise_image(Region{-3, 5, 500, 1150}, 3)};
+    RunReport lent = run_graph(graph, request);
+    RunOptions copied;
+    copied.skip = false;
+    RunReport own = run_graph(graph, request, copied);
+    EXPECT_TRUE(same_bits(lent.images.at("image").front(), own.images.at("image").front()));
+    EXPECT_LE(lent.peak_bytes, lent.planned_peak_bytes);
+    // The same image may be read twice, and by two inputs.
+    const Graph twice = parse_graph("rayloom: 1\nname: twice\ninputs: {a: any, b: any}\nnodes:\n"
+                                    "  sum: {op: oiio.add, image: a, other: b}\n"
+                                    "outputs: {image: sum}\n",
+                                    "twice");
+    const auto image = noise_image(Region{0, 0, 70, 50}, 3);
+    RunRequest both;
+    both.inputs["a"].images = both.inputs["b"].images = {image};
+    const RunReport sum = run_graph(twice, both);
+    EXPECT_LT(sum.peak_bytes, run_graph(twice, both, copied).peak_bytes);
+    EXPECT_EQ(sum.images.at("image").front().pixels.view().at(2, 33, 44),
+              2 * image->pixels.view().at(2, 33, 44));
+}
+
 } // namespace
 } // namespace rayloom::test

@@ -129,7 +129,7 @@ outputs: {image: c}
     RunReport free_report, tight_report;
     const MemoryImage expected = run_text(chain, {{"color", image}}, {}, {}, &free_report);
     RunOptions tight;
-    tight.memory = 2'500'000;
+    tight.memory = 1'500'000;
     EXPECT_TRUE(same_bits(run_text(chain, {{"color", image}}, tight, {}, &tight_report), expected));
     EXPECT_GT(free_report.peak_bytes, tight.memory);
     EXPECT_LE(tight_report.peak_bytes, tight.memory);
