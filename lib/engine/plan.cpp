@@ -156,10 +156,12 @@ void Planner::choose_inlined()
     for (WorkItem& item : m_plan.items) choose_in_place(item, uses);
     // Without shortcuts every item makes rows of its own.
     for (WorkItem& item : m_plan.items)
-        if (m_options.skip && item.needed && !item.source && !item.inlined)
+        if (m_options.skip && item.needed && !item.source)
             if (const auto* memory = dynamic_cast<const MemorySource*>(
-                    m_plan.ops[static_cast<std::size_t>(item.op)].node.get()))
+                    m_plan.ops[static_cast<std::size_t>(item.op)].node.get())) {
                 item.lent = memory->pixels();
+                item.inlined = false;
+            }
 }
 
 void Planner::choose_in_place(WorkItem& item, const std::vector<int>& uses)
