@@ -18,7 +18,7 @@ public:
         std::string noise = "auto";
         double s = 0.19;
         double p = 1.5;
-        double margin = 1.3;
+        double margin = 1.4;
         double growth = 1.2;
         double least_shape = 1.5;
     };

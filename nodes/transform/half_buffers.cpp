@@ -27,7 +27,9 @@ public:
                 "mean with a single degree of freedom, too rough to use by itself: it is averaged "
                 "over a square, clipped at the border. `count` is 1 + the pixels of a full square: "
                 "the count whose Student factor the averaged variance deserves (threshold.interval "
-                "with variance_of: mean).")
+                "with variance_of: mean). For renderers that write two half buffers; a stack of "
+                "renders is better served by transform.statistics, and transform.halves makes "
+                "halves of one.")
             .source("MATH.md, shared notation")
             .accuracy("Averages in double.")
             .example("rayloom: 1\n"

@@ -21,7 +21,10 @@ public:
                  "difference is noise of the strength that the mean has. Of an odd number of "
                  "images the last one goes into both halves with half its weight, so that "
                  "mean = (a + b)/2 whatever the number; the difference then shows "
-                 "√((n − 1)/n) of the noise. One image has no halves.")
+                 "√((n − 1)/n) of the noise. One image has no halves.\n\n"
+                 "This node splits samples; what two halves say of the variance is the business of "
+                 "transform.half_buffers, and what a whole stack says of it of "
+                 "transform.statistics.")
             .source("MATH.md, section 3")
             .accuracy("Summed in double, rounded once.")
             .example("rayloom: 1\n"

@@ -67,8 +67,8 @@ outputs:
 )";
     RunOptions plain;
     plain.skip = false;
-    EXPECT_TRUE(same_bits(run_text(graph, {{"color", image}}),
-                          run_text(graph, {{"color", image}}, plain)));
+    EXPECT_TRUE(
+        same_bits(run_text(graph, {{"color", image}}), run_text(graph, {{"color", image}}, plain)));
 }
 
 TEST_F(Engine, PixelsDoNotDependOnHowTheyAreMade)
