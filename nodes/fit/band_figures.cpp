@@ -26,14 +26,10 @@ Region over_image(const SteerableBand& band, const Region& window)
             window.y1 - halo.down};
 }
 
-namespace
+void BandMoments::add(std::span<const float> values, std::span<double> sums)
 {
-
-/// Adds n values to the sums, in eight partial sums, so that the loop keeps several additions going
-/// and has the same bits however wide the vectors are.
-template <class Value>
-void add_values(std::size_t n, const Value& value, std::span<double> sums)
-{
+    // Eight partial sums keep several additions going, and give the same bits however wide vectors
+    // are.
     constexpr std::size_t lanes = 8;
     std::array<double, lanes> second{}, fourth{};
     std::array<float, lanes> greatest{};
@@ -46,10 +42,11 @@ void add_values(std::size_t n, const Value& value, std::span<double> sums)
         greatest[k] = size > greatest[k] ? size : greatest[k];
         zeros[k] += v == 0.0f;
     };
+    const std::size_t n = values.size();
     std::size_t i = 0;
     for (; i + lanes <= n; i += lanes)
-        for (std::size_t k = 0; k < lanes; ++k) add(k, value(i + k));
-    for (std::size_t k = 0; i < n; ++i, ++k) add(k, value(i));
+        for (std::size_t k = 0; k < lanes; ++k) add(k, values[i + k]);
+    for (std::size_t k = 0; i < n; ++i, ++k) add(k, values[i]);
     sums[0] += static_cast<double>(n);
     for (std::size_t k = 0; k < lanes; ++k) {
         sums[0] -= zeros[k];
@@ -57,21 +54,6 @@ void add_values(std::size_t n, const Value& value, std::span<double> sums)
         sums[2] += fourth[k];
         sums[3] = std::max(sums[3], static_cast<double>(greatest[k]));
     }
-}
-
-} // namespace
-
-void BandMoments::add(std::span<const float> values, std::span<double> sums)
-{
-    add_values(
-        values.size(), [&](std::size_t i) { return values[i]; }, sums);
-}
-
-void BandMoments::add_difference(std::span<const float> a, std::span<const float> b, float scale,
-                                 std::span<double> sums)
-{
-    add_values(
-        a.size(), [&](std::size_t i) { return scale * (a[i] - b[i]); }, sums);
 }
 
 void BandMoments::combine(std::span<double> into, std::span<const double> other)

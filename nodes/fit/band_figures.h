@@ -27,9 +27,6 @@ Region over_image(const SteerableBand& band, const Region& window);
 struct BandMoments {
     static constexpr std::size_t size = 4;
     static void add(std::span<const float> values, std::span<double> sums);
-    /// Of differences scale·(a − b).
-    static void add_difference(std::span<const float> a, std::span<const float> b, float scale,
-                               std::span<double> sums);
     static void combine(std::span<double> into, std::span<const double> other);
 
     explicit BandMoments(std::span<const double> sums);

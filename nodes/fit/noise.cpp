@@ -50,9 +50,9 @@ void FitNoise::describe(Declaration<Params>& d)
         .summary("Scale and shape of the noise in a band: given, from two halves, or from the "
                  "high-pass.")
         .doc("`given` hands on the parameters: s and p in every band, 2s and p in the high-pass, "
-             "as the paper does. `auto` measures. With the same band of two half renders "
-             "connected (a, b), (a − b)/2 is pure noise, of the strength that the mean of both "
-             "has, band by band. Without halves the noise is taken to be independent from pixel "
+             "as the paper does. `auto` measures. Half the difference of two half renders is pure "
+             "noise, of the strength that the mean of both has: connect the same band of it "
+             "(noise_band). Without one the noise is taken to be independent from pixel "
              "to pixel (a box pixel filter) and to make up the high-pass; the other bands are "
              "given the high-pass's figures (high) and scale them by the gain of their filters, "
              "and by `growth` for each level: the noise of a logarithm has a mean that varies "
@@ -79,8 +79,8 @@ void FitNoise::describe(Declaration<Params>& d)
                  "outputs:\n"
                  "  noise: noise.figures\n");
     d.input("band", "the band whose noise is asked for");
-    d.input("a", "the same band of one half of the samples").optional();
-    d.input("b", "the same band of the other half").optional();
+    d.input("noise_band", "the same band of noise alone: half the difference of two halves")
+        .optional();
     d.input("high", "figures of this node for the high-pass of the same image").table().optional();
     d.output("figures", "a row a channel: band, channel, s_n, p_n, deviation, kurtosis, source")
         .table();
@@ -108,16 +108,13 @@ void FitNoise::plan(PlanContext& context)
     const ImageDesc& band = context.input("band");
     m_band = band_of_channel(band.channels.front());
     m_channels = band.channels;
-    const bool halves = context.has("a") && context.has("b");
-    if (context.has("a") != context.has("b"))
-        throw NodeError("connect both halves (a and b) or none");
-    for (const char* port : {"a", "b"}) {
-        if (!halves) continue;
-        context.require_same_window("band", port);
-        if (context.input(port).channel_count() != band.channel_count())
-            throw NodeError(std::string(port) + " has " +
-                            std::to_string(context.input(port).channel_count()) +
-                            " channels, band has " + std::to_string(band.channel_count()));
+    const bool halves = context.has("noise_band");
+    if (halves) {
+        context.require_same_window("band", "noise_band");
+        const int channels = context.input("noise_band").channel_count();
+        if (channels != band.channel_count())
+            throw NodeError("noise_band has " + std::to_string(channels) + " channels, band has " +
+                            std::to_string(band.channel_count()));
     }
     if (m_band.kind == SteerableBand::Kind::low) {
         m_source = Source::none;
@@ -126,8 +123,7 @@ void FitNoise::plan(PlanContext& context)
     } else if (halves) {
         m_source = Source::halves;
         context.reduce(over_image(m_band, band.data), m_channels.size() * BandMoments::size, 16);
-        context.reduce_needs("a");
-        context.reduce_needs("b");
+        context.reduce_needs("noise_band");
     } else if (context.has("high")) {
         m_source = Source::high_figures;
     } else if (m_band.kind == SteerableBand::Kind::high) {
@@ -135,26 +131,21 @@ void FitNoise::plan(PlanContext& context)
         context.reduce(band.data, m_channels.size() * BandMoments::size, 16);
         context.reduce_needs("band");
     } else {
-        throw NodeError("nothing to measure the noise by: connect two halves (a, b) or the "
-                        "figures of the high-pass (high), or set noise: given");
+        throw NodeError("nothing to measure the noise by: connect half the difference of two "
+                        "halves (noise_band) or the figures of the high-pass (high), or set "
+                        "noise: given");
     }
 }
 
 void FitNoise::reduce(const TileContext& rows, std::span<double> sums) const
 {
     const Region& r = rows.region();
-    const auto n = static_cast<std::size_t>(r.width());
-    const auto row = [&](const char* port, std::size_t c, int y) {
-        return std::span(rows.input(port).ptr(static_cast<int>(c), r.x0, y), n);
-    };
-    for (std::size_t c = 0; c < m_channels.size(); ++c) {
-        const auto to = sums.subspan(c * BandMoments::size, BandMoments::size);
+    const ConstImageView band = rows.input(m_source == Source::halves ? "noise_band" : "band");
+    for (std::size_t c = 0; c < m_channels.size(); ++c)
         for (int y = r.y0; y < r.y1; ++y)
-            if (m_source == Source::halves)
-                BandMoments::add_difference(row("a", c, y), row("b", c, y), 0.5f, to);
-            else
-                BandMoments::add(row("band", c, y), to);
-    }
+            BandMoments::add(
+                {band.ptr(static_cast<int>(c), r.x0, y), static_cast<std::size_t>(r.width())},
+                sums.subspan(c * BandMoments::size, BandMoments::size));
 }
 
 void FitNoise::combine(std::span<double> into, std::span<const double> other) const

@@ -44,9 +44,10 @@ void whole(benchmark::State& state, bool halves)
     if (halves)
         text += "  log_a: {op: transform.log, image: a, figures: log.figures}\n"
                 "  log_b: {op: transform.log, image: b, figures: log.figures}\n"
-                "  bands_a: {op: multiscale.steerable, image: log_a.log}\n"
-                "  bands_b: {op: multiscale.steerable, image: log_b.log}\n"
-                "  noise: {op: fit.noise, band: bands, a: bands_a, b: bands_b}\n";
+                "  difference: {op: oiio.sub, image: log_a.log, other: log_b.log}\n"
+                "  half: {op: oiio.mul, image: difference, value: [0.5]}\n"
+                "  noise_bands: {op: multiscale.steerable, image: half}\n"
+                "  noise: {op: fit.noise, band: bands, noise_band: noise_bands}\n";
     else
         text += "  high: {op: fit.noise, band: 'bands[0]'}\n"
                 "  noise: {op: fit.noise, band: bands, high: high.figures}\n";

@@ -37,9 +37,10 @@ TEST(FitNoise, HalvesShowTheNoiseOfTheirMean)
     const auto a = noisy(1, 0.4f), b = noisy(2, 0.4f);
     const auto figures =
         tables_of("  bands: {op: multiscale.steerable, image: image}\n"
-                  "  bands_a: {op: multiscale.steerable, image: a}\n"
-                  "  bands_b: {op: multiscale.steerable, image: b}\n"
-                  "  noise: {op: fit.noise, band: bands, a: bands_a, b: bands_b, margin: 1,\n"
+                  "  difference: {op: oiio.sub, image: a, other: b}\n"
+                  "  half: {op: oiio.mul, image: difference, value: [0.5]}\n"
+                  "  noise_bands: {op: multiscale.steerable, image: half}\n"
+                  "  noise: {op: fit.noise, band: bands, noise_band: noise_bands, margin: 1,\n"
                   "          least_shape: 0.3}\n",
                   "  image: any\n  a: any\n  b: any\n", {{"image", a}, {"a", a}, {"b", b}});
     ASSERT_EQ(figures.size(), 14u);
@@ -123,7 +124,8 @@ TEST(FitNoise, NothingToMeasureByIsAnError)
                            "  image: any\n", {{"image", image}}),
                  GraphError);
     EXPECT_THROW(tables_of("  bands: {op: multiscale.steerable, image: image}\n"
-                           "  noise: {op: fit.noise, band: bands, a: bands}\n",
+                           "  other: {op: multiscale.steerable, image: image, levels: 2}\n"
+                           "  noise: {op: fit.noise, band: 'bands[5]', noise_band: 'other[0]'}\n",
                            "  image: any\n", {{"image", image}}),
                  GraphError);
     EXPECT_THROW(tables_of("  bands: {op: multiscale.steerable, image: image}\n"
