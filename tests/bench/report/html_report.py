@@ -225,12 +225,38 @@ def plot_right(plot):
 def kernel_name(name):
     """Without what the table says in columns of its own."""
     name = re.sub(r"/width:(\d+)/height:(\d+)", r"/\1x\2", name)
-    return re.sub(r"/real_time|/threads:\d+", "", name)
+    return re.sub(r"/real_time|/process_time|/threads:\d+", "", name)
+
+
+def is_node_run(entry):
+    """The example of a node or a graph, run by the engine (node_bench.cpp), rather than a kernel."""
+    return "/example/" in entry["name"] or entry["name"].startswith("graph/")
+
+
+NODE_HEAD = ["node or graph", "0.26 MP", "2.1 MP", "8.3 MP", "2 threads on 2.1 MP"]
+
+
+def node_rows(data):
+    """ns a pixel by image size on one thread, and what a second thread brings in wall-clock time."""
+    found = {}
+    for e in filter(is_node_run, data.kernels["entries"]):
+        size = re.search(r"/width:(\d+)/", e["name"])
+        if size and "ns_per_pixel" in e:
+            name = e["name"].split("/width:")[0].removesuffix("/example")
+            found.setdefault(name, {})[int(size.group(1)), e["threads"]] = e
+    rows = []
+    for name, by in sorted(found.items()):
+        one, two = by.get((1920, 1)), by.get((1920, 2))
+        rows.append([name, *(short(by[width, 1]["ns_per_pixel"], 4) if (width, 1) in by else "–" for width in (640, 1920, 3840)),
+                     f"× {one['real_seconds'] / two['real_seconds']:.2f}" if one and two else "–"])
+    return rows
 
 
 def kernel_table(data):
     rows = []
     for e in data.kernels["entries"]:
+        if is_node_run(e):
+            continue
         rows.append([f"<code>{escape(kernel_name(e['name']))}</code>", e["threads"], short(e.get("ns_per_pixel"), 4),
                      short(e.get("bytes_per_pixel"), 4), short(e.get("flops_per_pixel"), 6),
                      short(e.get("flops_per_second", float("nan")) / 1e9), short(e.get("bytes_per_second", float("nan")) / 1e9),
@@ -478,6 +504,10 @@ def page(data, folder):
             "counted from the equations, bytes are what must be read and written once.</p>")
         add(roofline_plot(data))
         add(kernel_table(data) + "</section>")
+        if rows := node_rows(data):
+            add("<section><h2>Every node and graph inside a run</h2><p>The example of each node's page and every graph, run by the engine "
+                "on images in memory: nanoseconds a pixel of the first input on one thread, and the wall-clock gain of a second.</p>")
+            add(table(NODE_HEAD, [[f"<code>{escape(r[0])}</code>", *r[1:]] for r in rows]) + "</section>")
     if data.scaling:
         add("<section><h2>Size and threads</h2><p>Images of any size from mirrored copies of a real render. Dotted: proportional.</p>")
         add(data.style.legend([g for g in data.graphs if any(s["graph"] == g for s in data.scaling)]))

@@ -4,7 +4,7 @@
 import pathlib
 
 from common import finite, say
-from html_report import Data, best, facts, kernel_name, mib, seconds_text, short
+from html_report import NODE_HEAD, Data, best, facts, is_node_run, kernel_name, mib, node_rows, seconds_text, short
 from quality import PLAIN
 
 BEGIN = "<!-- generated: ./dev bench --write-docs -->"
@@ -66,9 +66,13 @@ def performance(data):
                               short(e.get("flops_per_pixel"), 6), short(e.get("flops_per_second", float("nan")) / 1e9),
                               f"{100 * e['share_of_limit']:.0f} % ({e['bound_by']})" if "share_of_limit" in e else "–",
                               f"× {e['times_faster_than_oracle']:.1f}" if "times_faster_than_oracle" in e else "–"]
-                             for e in data.kernels["entries"]])
+                             for e in data.kernels["entries"] if not is_node_run(e)])
         out += ("\nThe limit is the smaller of multiply-and-add and of memory bandwidth times operations per byte. One thread: "
                 "processor time; several: wall-clock time.\n\n")
+        if rows := node_rows(data):
+            out += ("## Every node and graph inside a run\n\nThe example of each node's page and every graph, run by the engine on "
+                    "images in memory: nanoseconds a pixel of the first input on one thread, and the wall-clock gain of a second.\n\n")
+            out += table(NODE_HEAD, [[f"`{r[0]}`", *r[1:]] for r in rows]) + "\n"
     cases = [q for q in data.quality if q["graph"] != PLAIN]
     if cases:
         out += "## Graphs of a run\n\n" + stated(cases)

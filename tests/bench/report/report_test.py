@@ -49,7 +49,9 @@ def measured(folder):
     limits = {"triad": {"1": 1e10, "2": 1.5e10}, "mul_add": {"1": 1e11, "2": 2e11}, "fused": {"1": 2e11, "2": 4e11}}
     results.add("kernels", "k", limits=limits, entries=[
         {"name": "fuse.x/case/64x48", "threads": 1, "seconds": 1e-3, "intensity": 3.0, "flops_per_second": 2e10,
-         "share_of_limit": 0.66, "bound_by": "memory", "ns_per_pixel": 3.0, "bytes_per_pixel": 8.0, "flops_per_pixel": 24.0}])
+         "share_of_limit": 0.66, "bound_by": "memory", "ns_per_pixel": 3.0, "bytes_per_pixel": 8.0, "flops_per_pixel": 24.0},
+        *({"name": f"fuse.y/example/width:1920/height:1080/threads:{threads}/process_time/real_time", "threads": threads,
+           "seconds": 1.0, "real_seconds": real, "ns_per_pixel": 77.0} for threads, real in ((1, 1.0), (2, 0.55)))])
     ratio, low, high = ratio_interval([1.0, 1.1, 1.0], [0.9, 0.95, 0.92])
     results.add("against", "g", part="kernel", name="fuse.x/case", revision="abc", then=[1, 1.1, 1], now=[.9, .95, .92],
                 ratio=ratio, low=low, high=high, verdict="faster")
@@ -160,6 +162,7 @@ class Driver(unittest.TestCase):
         text = (docs / "accuracy.md").read_text()
         self.assertRegex(text, r"(?s)^before\n.*ray-histogram-fusion-stack.*\nafter\n$")
         self.assertNotIn("old", text)
+        self.assertIn("| `fuse.y` | – | 77 | – | × 1.82 |", (docs / "performance.md").read_text())
         for page in ("accuracy.md", "performance.md"):
             for word in ("machine:", "load:", "date:", "commit:"):
                 self.assertIn(word, (docs / page).read_text())
