@@ -5,6 +5,7 @@
 #include "rayloom/core/text.h"
 #include "rayloom/image/frames.h"
 
+#include <algorithm>
 #include <charconv>
 
 namespace rayloom::cli
@@ -28,6 +29,32 @@ Region parse_region(const std::string& text)
     if (values[2] <= 0 || values[3] <= 0)
         throw UsageError("--roi wants a width and a height above 0, not '" + text + "'");
     return {values[0], values[1], values[0] + values[2], values[1] + values[3]};
+}
+
+/// Inputs nobody named that are frames around another input's.
+void add_neighbours(const Graph& graph, std::optional<int> frame, std::vector<InputSource>& sources)
+{
+    if (!frame) return;
+    const std::size_t named = sources.size();
+    const auto source_of = [&](const std::string& input) {
+        return std::find_if(sources.begin(), sources.begin() + static_cast<std::ptrdiff_t>(named),
+                            [&](const InputSource& s) { return s.name == input; }) -
+               sources.begin();
+    };
+    for (const GraphInput& input : graph.inputs) {
+        if (!input.neighbours || source_of(input.name) != static_cast<std::ptrdiff_t>(named))
+            continue;
+        const auto at = static_cast<std::size_t>(source_of(input.neighbours->input));
+        if (at == named) continue;
+        InputSource source = sources[at];
+        if (source.literal || source.frames || source.relative || is_glob(source.path) ||
+            source.path.find_first_of("%#") == std::string::npos ||
+            !FramePattern(source.path).has_frame())
+            continue;
+        source.name = input.name;
+        source.relative = RelativeFrames{input.neighbours->first, input.neighbours->last};
+        sources.push_back(std::move(source));
+    }
 }
 
 } // namespace
@@ -92,9 +119,15 @@ RunRequest RequestOptions::request(const Graph& loaded, std::optional<int> frame
 {
     RunRequest request;
     std::string first_file, first_layer;
-    for (const std::string& text : inputs) {
-        const InputSource source = parse_input_source(text);
-        const ResolvedFiles files = resolve_files(source, frame);
+    std::vector<int> all_frames;
+    for (const std::optional<int>& one : frame_list())
+        if (one) all_frames.push_back(*one);
+    std::vector<InputSource> sources;
+    for (const std::string& text : inputs) sources.push_back(parse_input_source(text));
+    add_neighbours(loaded, frame, sources);
+    for (const InputSource& source : sources) {
+        const ResolvedFiles files = resolve_files(source, frame, all_frames);
+        if (files.paths.empty()) continue; // no neighbours at the end of an animation
         InputBinding& binding = request.inputs[source.name];
         const bool again = !binding.files.empty();
         if (again && binding.files.front().layer != source.layer)
@@ -103,7 +136,7 @@ RunRequest RequestOptions::request(const Graph& loaded, std::optional<int> frame
                              binding.files.front().layer + "' and '" + source.layer + "'");
         for (const std::string& path : files.paths) binding.files.push_back({path, source.layer});
         binding.is_list = again || files.is_list;
-        if (first_file.empty() && !files.paths.empty()) {
+        if (first_file.empty()) {
             first_file = files.paths.front();
             first_layer = source.layer;
         }

@@ -81,6 +81,14 @@ struct GraphParam {
     SourcePosition where;
 };
 
+/// `neighbours: frame@-5..-1`: the files of another input's pattern at frames counted from the
+/// current one.
+struct NeighbourFrames {
+    std::string input;
+    int first = 0, last = 0;
+    SourcePosition where;
+};
+
 /// Declared under `inputs:`.
 struct GraphInput {
     std::string name;
@@ -95,6 +103,8 @@ struct GraphInput {
     /// the caller names none. Empty: the whole file's channels (its default layer when channels is
     /// "RGB").
     std::string role;
+    /// What the command reads when the caller names no files.
+    std::optional<NeighbourFrames> neighbours;
 };
 
 /// Declared under `outputs:`.

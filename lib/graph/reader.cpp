@@ -5,6 +5,7 @@
 #include "rayloom/graph/expression.h"
 #include "rayloom/graph/names.h"
 #include "rayloom/graph/yaml.h"
+#include "rayloom/image/frames.h"
 
 #include <algorithm>
 #include <array>
@@ -37,7 +38,8 @@ const std::vector<std::string> top_keys{"rayloom", "name",  "doc",    "params",
                                         "inputs",  "nodes", "outputs"};
 const std::vector<std::string> param_keys{"type",    "default", "min", "max",
                                           "choices", "unit",    "doc", "source"};
-const std::vector<std::string> input_keys{"doc", "channels", "kind", "list", "optional", "role"};
+const std::vector<std::string> input_keys{"doc",      "channels", "kind",      "list",
+                                          "optional", "role",     "neighbours"};
 const std::vector<std::string> output_keys{"from", "doc"};
 const std::vector<std::string> node_keys{"op", "when", "otherwise"};
 const std::vector<std::string> param_types{"bool",   "int",    "float",  "string",
@@ -135,6 +137,7 @@ public:
         if (!root.find("nodes") && !root.find("outputs"))
             problem({m_graph.file, 0, 0}, "the graph has no nodes and no outputs");
         check_name_clashes();
+        check_neighbours();
         resolve_nodes();
         find_cycles();
         infer_shapes();
@@ -551,10 +554,30 @@ private:
             else
                 problem(entry.value->where, what + "kind '" + *text + "' is not known" +
                                                 suggestion(*text, input_kinds));
+        } else if (entry.key == "neighbours") {
+            read_neighbours(input, entry, what);
         } else if (entry.key == "list") {
             if (truth_of(entry, what).value_or(false)) input.kind = PortKind::list;
         } else {
             input.required = !truth_of(entry, what).value_or(false);
+        }
+    }
+
+    void read_neighbours(GraphInput& input, const Entry& entry, const std::string& what)
+    {
+        const auto text = text_of(entry, what);
+        if (!text) return;
+        const std::size_t at = text->rfind('@');
+        try {
+            const auto frames = at == std::string::npos
+                                    ? std::nullopt
+                                    : parse_relative_frames(std::string_view(*text).substr(at + 1));
+            if (!frames)
+                throw UsageError("'neighbours' wants input@-5..-1, this is '" + *text + "'");
+            input.neighbours = {text->substr(0, at), frames->first, frames->last,
+                                entry.value->where};
+        } catch (const UsageError& error) {
+            problem(entry.value->where, what + error.what());
         }
     }
 
@@ -701,6 +724,24 @@ private:
                 problem(input.where, "input '" + input.name +
                                          "' has the name of a parameter (line " +
                                          std::to_string(param->where.line) + ")");
+    }
+
+    void check_neighbours()
+    {
+        for (const GraphInput& input : m_graph.inputs) {
+            if (!input.neighbours) continue;
+            const std::string what = "input '" + input.name + "': ";
+            if (!m_graph.input(input.neighbours->input))
+                problem(input.neighbours->where,
+                        what + "there is no input '" + input.neighbours->input + "'" +
+                            suggestion(input.neighbours->input,
+                                       names_of(m_graph.inputs,
+                                                [](const GraphInput& i) { return i.name; })));
+            if (input.kind != PortKind::list || input.required)
+                problem(input.neighbours->where,
+                        what + "neighbours are as many as there are, so it must be a list and "
+                               "optional");
+        }
     }
 
     void resolve_nodes()

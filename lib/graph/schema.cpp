@@ -215,7 +215,8 @@ std::string graph_input_schema()
         {"kind", object({{"enum", quoted_array({"image", "list", "deep"})}})},
         {"list", object({{"type", json_quote("boolean")}})},
         {"optional", object({{"type", json_quote("boolean")}})},
-        {"role", text_property("beauty, albedo, …: the renderer map names its layer.")}};
+        {"role", text_property("beauty, albedo, …: the renderer map names its layer.")},
+        {"neighbours", text_property("input@-5..-1: frames of another input's pattern.")}};
     const std::string mapping = object({{"type", json_quote("object")},
                                         {"properties", object(properties)},
                                         {"additionalProperties", "false"}});

@@ -117,6 +117,29 @@ std::string format_frame_range(std::span<const int> frames)
     return out;
 }
 
+std::optional<RelativeFrames> parse_relative_frames(std::string_view text)
+{
+    const std::size_t dots = text.find("..");
+    if (dots == std::string_view::npos) return std::nullopt;
+    const auto bad = [&](const std::string& why) {
+        throw UsageError("relative frames '" + std::string(text) + "': " + why +
+                         "; write -5..+5 or -5..-1, and frames that are the same in every run as "
+                         "1-10");
+    };
+    const auto end = [&](std::string_view part) {
+        if (part != "0" && !part.starts_with('-') && !part.starts_with('+'))
+            bad("'" + std::string(part) + "' has no sign");
+        if (part.starts_with('+')) part.remove_prefix(1);
+        const auto number = take_number(part);
+        if (!number || !part.empty() || std::abs(std::int64_t{*number}) > max_frames)
+            bad("an end is not a number");
+        return number.value_or(0);
+    };
+    const RelativeFrames frames{end(text.substr(0, dots)), end(text.substr(dots + 2))};
+    if (frames.first > frames.last) bad("the first frame comes after the last one");
+    return frames;
+}
+
 FramePattern::FramePattern(std::string text) : m_text(std::move(text))
 {
     const auto percent_place = [&](std::size_t i) -> std::size_t { // length of %[0][n]d at i, or 0
@@ -283,10 +306,18 @@ Piece take_piece(std::string_view& rest, char stop, std::string_view whole)
 
 bool looks_like_range(std::string_view text)
 {
-    if (text.empty() || !(is_digit(text[0]) || text[0] == '-')) return false;
-    return std::all_of(text.begin(), text.end(), [](char c) {
-        return is_digit(c) || c == '-' || c == ',' || c == 'x' || c == 'y';
+    if (text.empty() || !(is_digit(text[0]) || text[0] == '-' || text[0] == '+')) return false;
+    const bool relative = text.find("..") != std::string_view::npos;
+    return std::all_of(text.begin(), text.end(), [relative](char c) {
+        return is_digit(c) || c == '-' ||
+               (relative ? c == '+' || c == '.' : c == ',' || c == 'x' || c == 'y');
     });
+}
+
+void take_range(InputSource& source, std::string_view range)
+{
+    source.relative = parse_relative_frames(range);
+    if (!source.relative) source.frames = parse_frame_range(range);
 }
 
 std::string take_name(std::string_view& rest, std::string_view option, const char* form)
@@ -327,7 +358,7 @@ InputSource parse_input_source(std::string_view text)
         source.literal = true;
         if (!rest.empty() && rest[0] == '@') {
             const std::size_t end = std::min(rest.find(':'), rest.size());
-            source.frames = parse_frame_range(rest.substr(1, end - 1));
+            take_range(source, rest.substr(1, end - 1));
             source.literal = false;
             rest.remove_prefix(end);
         }
@@ -335,7 +366,7 @@ InputSource parse_input_source(std::string_view text)
         const std::size_t at = path.at_signs.back();
         const std::string range = path.text.substr(at + 1);
         if (looks_like_range(range)) {
-            source.frames = parse_frame_range(range);
+            take_range(source, range);
             path.text.resize(at);
         }
     }
@@ -386,9 +417,29 @@ OutputTarget parse_output_target(std::string_view text)
     return target;
 }
 
-ResolvedFiles resolve_files(const InputSource& source, std::optional<int> current_frame)
+ResolvedFiles resolve_files(const InputSource& source, std::optional<int> current_frame,
+                            std::span<const int> all_frames)
 {
     if (source.literal) return {{source.path}, false};
+    if (source.relative) {
+        const FramePattern pattern(source.path);
+        if (!pattern.has_frame())
+            throw UsageError("'" + source.path +
+                             "' has a relative range but no place for a frame number; write %04d "
+                             "where it stands");
+        if (!current_frame)
+            throw UsageError("the frames of '" + source.path +
+                             "' are counted from the one --frames is at; add --frames 1-100");
+        ResolvedFiles files{{}, true};
+        for (int offset = source.relative->first; offset <= source.relative->last; ++offset) {
+            const int frame = *current_frame + offset;
+            std::string path = pattern.path(frame);
+            if (std::find(all_frames.begin(), all_frames.end(), frame) != all_frames.end() ||
+                exists(path))
+                files.paths.push_back(std::move(path));
+        }
+        return files;
+    }
     if (source.frames) {
         const FramePattern pattern(source.path);
         if (!pattern.has_frame())

@@ -22,6 +22,14 @@ std::vector<int> parse_frame_range(std::string_view text);
 /// The shortest range text parse_frame_range() reads back as the same frames: "1-10x2,15".
 std::string format_frame_range(std::span<const int> frames);
 
+/// Frames counted from the one `--frames` is at, both ends included.
+struct RelativeFrames {
+    int first = 0, last = 0;
+};
+/// Reads `-5..+5`: each end has a sign or is 0. Nothing when the text holds no `..`; throws
+/// UsageError when it does and is no such range.
+std::optional<RelativeFrames> parse_relative_frames(std::string_view text);
+
 /// A file name with a place for the frame number: `%d`, `%4d`, `%04d`, or a run of `#` (one digit
 /// each; a lone `#` is four). `%%` and `\#` stand for the characters themselves. Where a `%d` is,
 /// `#` is a character like any other. Several places all take the same frame.
@@ -60,12 +68,13 @@ struct InputSource {
     std::string path;                       ///< file, pattern or glob, as written without escapes
     bool literal = false;                   ///< the path was quoted: neither pattern nor glob
     std::optional<std::vector<int>> frames; ///< of `@range`
+    std::optional<RelativeFrames> relative; ///< of `@-5..+5`
     std::string layer;                      ///< layer or part; empty: not named
 };
 
 /// Splits `name=path[@range][:layer]`. The name ends at the first `=`, the path at the first `:`;
-/// a range is what follows the path's last `@` when it begins like a frame (a digit or a minus
-/// sign) and holds no `/` or letter but x and y. A backslash before `:`, `@`, `"`, `\` and `#`
+/// a range is what follows the path's last `@` when it begins like a frame (a digit or a sign) and
+/// holds no `/` or letter but x and y. A backslash before `:`, `@`, `"`, `\` and `#`
 /// takes the character as part of the name; a path or layer in double quotes is taken as it
 /// stands. Layers may hold spaces and dots. Throws UsageError.
 InputSource parse_input_source(std::string_view text);
@@ -84,10 +93,13 @@ struct ResolvedFiles {
     bool is_list = false; ///< a glob or a pattern with its own range, even of one file
 };
 
-/// Expands a source. A pattern with a range gives one file a frame; a pattern without takes
-/// `current_frame` (the one `--frames` is at); a glob gives every match. A path that names an
+/// Expands a source. A pattern with a range gives one file a frame; one with a relative range the
+/// files around `current_frame` (the one `--frames` is at), without those that neither exist nor
+/// are among `all_frames`, which are all that `--frames` names; a pattern without range takes
+/// `current_frame`; a glob gives every match. A path that names an
 /// existing file is that file, whatever characters it holds. Throws UsageError for a pattern
 /// without any frame, InputError for a glob that matches nothing.
-ResolvedFiles resolve_files(const InputSource& source, std::optional<int> current_frame);
+ResolvedFiles resolve_files(const InputSource& source, std::optional<int> current_frame,
+                            std::span<const int> all_frames = {});
 
 } // namespace rayloom

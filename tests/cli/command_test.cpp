@@ -12,6 +12,8 @@
 #include <csignal>
 #include <fstream>
 #include <limits>
+#include <sstream>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <thread>
 #include <unistd.h>
@@ -167,6 +169,100 @@ TEST_F(Command, FramesRunOneByOne)
     EXPECT_THAT(r.err, HasSubstr("frame 2"));
     EXPECT_TRUE(fs::exists(file("new.0003.exr")));
     EXPECT_FALSE(fs::exists(file("new.0002.exr")));
+}
+
+TEST_F(Command, AnAnimationFindsItsNeighbourFrames)
+{
+    // One noisy frame after the other of a still scene, which averaging over frames helps most.
+    constexpr int last = 24;
+    for (int i = 1; i <= last; ++i)
+        fs::create_symlink(scene / ("stack/s0" + std::to_string(1 + i % 8) + ".exr"),
+                           file("shot." + std::to_string(i) + ".exr"));
+    fs::create_symlink(scene / "noisy_16.exr", file("albedo.exr"));
+    const std::vector<std::string> arguments{"run", "virtual-flash-sequence",
+                                             "-i",  "frame=shot.%d.exr:Combined",
+                                             "-i",  "guide=albedo.exr:Denoising Albedo",
+                                             "-p",  "window=5",
+                                             "-p",  "patch=1"};
+    const auto with = [&](std::vector<std::string> more) {
+        more.insert(more.begin(), arguments.begin(), arguments.end());
+        return run(more);
+    };
+    const auto guides = [](int count) {
+        std::vector<std::string> out;
+        for (int i = 0; i < count; ++i) {
+            out.push_back("-i");
+            out.push_back("guide_before=albedo.exr:Denoising Albedo");
+            out.push_back("-i");
+            out.push_back("guide_after=albedo.exr:Denoising Albedo");
+        }
+        return out;
+    };
+    // Five frames on either side without being asked, three when asked.
+    std::vector<std::string> five = guides(5);
+    five.insert(five.end(), {"-o", "image=five.%d.exr", "--frames", "12", "--stats=json"});
+    const CommandResult by_itself = with(five);
+    ASSERT_EQ(by_itself.exit_code, 0) << by_itself.err;
+    const auto named = [&](const char* before, const char* after, int count,
+                           const std::string& output, const char* frame) {
+        std::vector<std::string> more = guides(count);
+        more.insert(more.end(), {"-i", std::string("before=shot.%d.exr@") + before + ":Combined",
+                                 "-i", std::string("after=shot.%d.exr@") + after + ":Combined",
+                                 "-o", "image=" + output, "--frames", frame, "-q"});
+        return with(more);
+    };
+    EXPECT_EQ(named("7-11", "13-17", 5, "named.%d.exr", "12").exit_code, 0);
+    EXPECT_EQ(named("-3..-1", "+1..+3", 3, "three.%d.exr", "12").exit_code, 0);
+    const auto bytes = [&](const char* name) {
+        std::ifstream in(file(name), std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    EXPECT_EQ(bytes("five.12.exr"), bytes("named.12.exr"));
+    EXPECT_NE(bytes("five.12.exr"), bytes("three.12.exr"));
+    // A list whose frames are all beyond the end is as good as not given, …
+    std::vector<std::string> at_end{"-i",       "guide_before=albedo.exr:Denoising Albedo",
+                                    "-i",       "before=shot.%d.exr@-1..-1:Combined",
+                                    "-o",       "image=end.%d.exr",
+                                    "--frames", "24"};
+    EXPECT_EQ(with(at_end).exit_code, 0);
+    // … a gap inside what is to be rendered is an error.
+    fs::remove(file("shot.13.exr"));
+    const CommandResult gap = named("-1..-1", "+1..+1", 1, "gap.%d.exr", "12-14");
+    EXPECT_EQ(gap.exit_code, 3);
+    EXPECT_THAT(gap.err, HasSubstr("shot.13.exr"));
+}
+
+TEST_F(Command, AnAnimationTakesNoMoreMemoryForBeingLong)
+{
+    for (int i = 1; i <= 40; ++i) {
+        fs::create_symlink(scene / ("stack/s0" + std::to_string(1 + i % 8) + ".exr"),
+                           file("shot." + std::to_string(i) + ".exr"));
+        fs::create_symlink(scene / "noisy_16.exr", file("albedo." + std::to_string(i) + ".exr"));
+    }
+    // Pixels in memory for frame 12 at most, in a run of so many frames; resident memory at the
+    // end.
+    const auto memory = [&](const std::string& frames) {
+        const CommandResult r =
+            run({"run", "virtual-flash-sequence", "-i", "frame=shot.%d.exr:Combined", "-i",
+                 "guide=albedo.%d.exr:Denoising Albedo", "-p", "window=3", "-p", "patch=1", "-o",
+                 "image=out.%d.exr", "--frames", frames, "--stats=json", "--threads", "1"});
+        EXPECT_EQ(r.exit_code, 0) << r.err;
+        double most = 0.0;
+        std::istringstream lines(r.out);
+        for (std::string line; std::getline(lines, line);) {
+            const std::size_t at = line.find("\"peak_bytes\": ");
+            if (at != std::string::npos) most = std::max(most, std::stod(line.substr(at + 14)));
+        }
+        struct rusage usage {
+        };
+        getrusage(RUSAGE_CHILDREN, &usage);
+        return std::pair(most, static_cast<double>(usage.ru_maxrss));
+    };
+    const auto [pixels, resident] = memory("6-13");
+    const auto [more_pixels, more_resident] = memory("1-40");
+    EXPECT_GT(pixels, 0.0);
+    EXPECT_EQ(more_pixels, pixels);
+    EXPECT_LT(more_resident, 1.05 * resident);
 }
 
 TEST_F(Command, CtrlCStopsWithinASecondAndLeavesNothing)

@@ -105,6 +105,26 @@ TEST(Frames, InputSources)
     same("a=a.exr:L:x", "a", "a.exr", "", "L:x");
 }
 
+TEST(Frames, RelativeRanges)
+{
+    const InputSource s = parse_input_source("a=shot.%04d.exr@-5..+5:Combined");
+    ASSERT_TRUE(s.relative.has_value());
+    EXPECT_FALSE(s.frames.has_value());
+    EXPECT_EQ(s.path, "shot.%04d.exr");
+    EXPECT_EQ(s.layer, "Combined");
+    EXPECT_EQ(s.relative->first, -5);
+    EXPECT_EQ(s.relative->last, 5);
+    EXPECT_EQ(parse_input_source("a=\"s%d.exr\"@+1..+2").relative->first, 1);
+    EXPECT_EQ(parse_input_source("a=s%d.exr@0..+2").relative->first, 0);
+    EXPECT_EQ(parse_input_source("a=s%d.exr@-3..-1").relative->last, -1);
+    EXPECT_FALSE(parse_input_source("a=me@1..2.exr").relative.has_value()) << "part of the path";
+    for (const char* text : {"a=s%d.exr@1..5", "a=s%d.exr@-5..5", "a=s%d.exr@+5..-5",
+                             "a=s%d.exr@-5..", "a=s%d.exr@-5...+5", "a=s%d.exr@-9999999..+1"})
+        EXPECT_THROW(parse_input_source(text), UsageError) << text;
+    EXPECT_NE(error_of([] { parse_input_source("a=s%d.exr@1..5"); }).find("'1' has no sign"),
+              std::string::npos);
+}
+
 TEST(Frames, BadInputSources)
 {
     for (const char* text : {"color", "=a.exr", "a=", "a=:L", "a=a.exr:", "a=\"a.exr", "a=\"a\"b",
@@ -147,6 +167,15 @@ TEST(Frames, ResolveFilesPatternsAndGlobs)
     EXPECT_THROW(resolve("s%d.exr"), UsageError);
     EXPECT_THROW(resolve("s1.exr@1-2"), UsageError) << "no place for the frame";
     EXPECT_THROW(resolve("t*.exr"), InputError);
+    // Around a frame: what exists, and what the run asks for.
+    const InputSource around = parse_input_source("x=" + base + "s%d.exr@-2..+2");
+    EXPECT_EQ(resolve_files(around, 2).paths,
+              (std::vector<std::string>{base + "s1.exr", base + "s2.exr"}));
+    EXPECT_TRUE(resolve_files(around, 2).is_list);
+    EXPECT_EQ(resolve_files(around, 2, std::vector<int>{2, 3, 9}).paths.back(), base + "s3.exr");
+    EXPECT_TRUE(resolve_files(around, 20).paths.empty());
+    EXPECT_THROW(resolve_files(around, {}), UsageError);
+    EXPECT_THROW(resolve("s1.exr@-1..+1", 2), UsageError) << "no place for the frame";
     EXPECT_EQ(resolve("odd[1].exr").paths.at(0), base + "odd[1].exr");
     EXPECT_EQ(resolve("b#.exr").paths.at(0), base + "b#.exr");
     EXPECT_EQ(resolve("missing.exr").paths.at(0), base + "missing.exr");

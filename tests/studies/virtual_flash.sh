@@ -66,19 +66,18 @@ for part in $what; do
         ;;
     sequence)
         anim=$scenes/dof/anim
-        for f in 1 2 3 4 5 6 7; do
-            near() { seq $((f + $1)) $((f + $2)) | awk '$1 >= 1 && $1 <= 7' | paste -sd, -; }
-            for reach in 0 3; do
-                with=(-i "frame=$anim/f0$f""_16.exr:Combined" -i "guide=$anim/f0$f""_16.exr:Denoising Albedo")
-                if [ $reach -gt 0 ]; then
-                    before=$(near -$reach -1) after=$(near 1 $reach)
-                    [ -n "$before" ] && with+=(-i "before=$anim/f%02d_16.exr@$before:Combined" -i "guide_before=$anim/f%02d_16.exr@$before:Denoising Albedo")
-                    [ -n "$after" ] && with+=(-i "after=$anim/f%02d_16.exr@$after:Combined" -i "guide_after=$anim/f%02d_16.exr@$after:Denoising Albedo")
-                fi
-                "$rayloom" run virtual-flash-sequence "${with[@]}" -o "image=$work/reach$reach.$f.exr" -q
-            done
+        for f in 1 2 3 4 5 6 7; do # a file without a place for the frame has no neighbours
+            "$rayloom" run virtual-flash-sequence -i "frame=$anim/f0$f""_16.exr:Combined" \
+                -i "guide=$anim/f0$f""_16.exr:Denoising Albedo" -o "image=$work/reach0.$f.exr" -q
         done
-        for reach in 0 3; do
+        for reach in 1 3; do
+            "$rayloom" run virtual-flash-sequence --frames 1-7 -q -o "image=$work/reach$reach.%d.exr" \
+                -i "frame=$anim/f%02d_16.exr:Combined" -i "guide=$anim/f%02d_16.exr:Denoising Albedo" \
+                -i "before=$anim/f%02d_16.exr@-$reach..-1:Combined" -i "after=$anim/f%02d_16.exr@+1..+$reach:Combined" \
+                -i "guide_before=$anim/f%02d_16.exr@-$reach..-1:Denoising Albedo" \
+                -i "guide_after=$anim/f%02d_16.exr@+1..+$reach:Denoising Albedo"
+        done
+        for reach in 0 1 3; do
             echo "sequence reach $reach, frame 4 against its reference"
             "$rayloom" compare "$work/reach$reach.4.exr" "$scenes/dof/ref.exr:Combined" --no-flip
             echo "sequence reach $reach, flicker: differences of neighbouring frames"
