@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The whole of graphs/virtual-flash.yaml on real renders.
+#include "rayloom/engine/load_image.h"
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -71,6 +73,92 @@ TEST(VirtualFlash, IntervalsHoldTheTruthAsOftenAsThePaperHasIt)
         EXPECT_NEAR(coverage.number("interval"), expected, 0.03) << confidence;
         EXPECT_GT(coverage.number("bound"), coverage.number("interval"));
     }
+}
+
+std::string error_of(const Graph& graph, const RunRequest& request)
+{
+    try {
+        run_graph(graph, request);
+    } catch (const Error& e) {
+        return e.what();
+    }
+    return "no error";
+}
+
+TEST(VirtualFlash, WhatCannotBeDoneIsSaid)
+{
+    const Graph graph = read_graph((source / "graphs/virtual-flash.yaml").string());
+    const auto scene = source / "tests/data/cycles/interior";
+    RunRequest request = request_for(scene, 4);
+    request.inputs.erase("reference");
+    request.outputs["image"] = {};
+
+    RunRequest one_render = request;
+    one_render.inputs["stack"].files.resize(1);
+    EXPECT_THAT(error_of(graph, one_render), testing::HasSubstr("render the frame at least twice"));
+
+    RunRequest one_sample = request;
+    one_sample.inputs["mean"].files = {request.inputs["stack"].files[0]};
+    one_sample.inputs["variance"].files = {request.inputs["stack"].files[1]};
+    one_sample.inputs.erase("stack");
+    one_sample.param_texts["samples"] = "1";
+    EXPECT_THAT(error_of(graph, one_sample),
+                testing::HasSubstr("one sample has no confidence interval"));
+
+    RunRequest no_light = request;
+    no_light.inputs.erase("partial");
+    EXPECT_THAT(error_of(graph, no_light),
+                testing::HasSubstr("connect 'partial', or light passes to make it from"));
+
+    RunRequest other_size = request;
+    other_size.inputs["partial"].files = {
+        {(source / "tests/data/cycles/cornell/ref.exr").string(), ""}};
+    const std::string sizes = error_of(graph, other_size);
+    EXPECT_THAT(sizes, testing::HasSubstr("288x288"));
+    EXPECT_THAT(sizes, testing::HasSubstr("96x96"));
+
+    const Graph sequence = read_graph((source / "graphs/virtual-flash-sequence.yaml").string());
+    RunRequest frames;
+    frames.inputs["frame"].files = {request.inputs["stack"].files[0]};
+    frames.inputs["guide"].files = {{(scene / "noisy_16.exr").string(), "Denoising Albedo"}};
+    frames.inputs["before"].files = other_size.inputs["partial"].files;
+    frames.inputs["before"].is_list = true;
+    frames.inputs["guide_before"] = frames.inputs["guide"];
+    frames.inputs["guide_before"].is_list = true;
+    frames.outputs["image"] = {};
+    EXPECT_THAT(error_of(sequence, frames), testing::HasSubstr("288x288"));
+}
+
+TEST(VirtualFlash, WithoutAFlashTheLightAloneGuidesAndTheReportSaysSo)
+{
+    const Graph graph = read_graph((source / "graphs/virtual-flash.yaml").string());
+    RunRequest request = request_for(source / "tests/data/cycles/interior", 8);
+    request.inputs.erase("reference");
+    request.inputs.erase("flash_unit");
+    request.outputs["flash"] = {};
+    const RunReport report = run_graph(graph, request);
+    EXPECT_THAT(report.notes,
+                testing::Contains(testing::HasSubstr("F is the partial light alone")));
+    EXPECT_EQ(report.images.at("flash").front().desc.data, (Region{0, 0, 96, 96}));
+}
+
+TEST(VirtualFlash, WithoutNoiseNothingChanges)
+{
+    const Graph graph = read_graph((source / "graphs/virtual-flash.yaml").string());
+    const auto scene = source / "tests/data/cycles/interior";
+    RunRequest request = request_for(scene, 2);
+    request.inputs.erase("reference");
+    request.inputs["stack"].files[1] = request.inputs["stack"].files[0];
+    request.outputs["image"] = {};
+    const RunReport report = run_graph(graph, request);
+    const MemoryImage& image = report.images.at("image").front();
+    const MemoryImage before = load_image((scene / "stack/s01.exr").string(), "Combined");
+    for (int c = 0; c < 3; ++c)
+        for (int y = 0; y < 96; ++y)
+            for (int x = 0; x < 96; ++x) {
+                const float v = before.pixels.view().at(c, x, y);
+                ASSERT_NEAR(image.pixels.view().at(c, x, y), v, 1e-6f * (1.0f + std::abs(v)));
+            }
 }
 
 TEST(VirtualFlash, AClampedResultLiesInItsInterval)
