@@ -54,8 +54,12 @@ for part in $what; do
         ;;
     coverage)
         for confidence in 0.95 0.98 0.99; do
-            for n in 4 16 32; do
+            for n in 4 16 32 64 128; do
                 for scene in cornell caustics interior dof; do
+                    if [ ! -e "$(printf '%s/%s/stack/s%02d.exr' "$scenes" "$scene" "$n")" ]; then
+                        printf 'coverage %s %s %s no stack of so many\n' "$confidence" "$n" "$scene"
+                        continue
+                    fi
                     mapfile -t with < <(inputs "$scene" "$n")
                     measure coverage "$here/virtual_flash_coverage.yaml" "${with[@]}" -p "confidence=$confidence"
                     printf 'coverage %s %s %s interval %.3f bound %.3f\n' "$confidence" "$n" "$scene" \
