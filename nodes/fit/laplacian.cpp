@@ -28,6 +28,7 @@ public:
                  "exactly "
                  "zero (a black background) are not counted.")
             .source("001_6a300dc64642895d.txt, equations (12), (16)-(18)")
+            .version(2)
             .accuracy("s and p within 2 % from 10⁶ independent values.")
             .example("rayloom: 1\n"
                      "name: fit-laplacian-example\n"

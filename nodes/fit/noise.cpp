@@ -66,6 +66,7 @@ void FitNoise::describe(Declaration<Params>& d)
              "(a black background) are not counted.\n\n"
              "The low-pass has no noise figures: it is not cored. `kurtosis` is as measured.")
         .source("001_6a300dc64642895d.txt, section 3; auto: MATH.md, section 3")
+        .version(2)
         .accuracy("Deviation and kurtosis within 2 % from 10⁶ independent values.")
         .example("rayloom: 1\n"
                  "name: fit-noise-example\n"

@@ -119,6 +119,7 @@ void NonLocalMeans::describe(Declaration<Params>& d)
             "premultiplied; neither gate nor guide looks at it.")
         .source("000_092f36e585912bb0.txt, eq. (1), (2), section 3.2 to 3.5; two-sample gate: "
                 "MATH.md, section 2; Buades et al. 2005")
+        .version(2)
         .accuracy("Single precision, the same bits on every SIMD target. Against the double oracle "
                   "below 2e-5 relative to the largest value in the window.")
         .example("rayloom: 1\n"

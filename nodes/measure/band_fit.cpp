@@ -35,6 +35,7 @@ public:
                  "not "
                  "counted.")
             .source("001_6a300dc64642895d.txt, equation (3), Tables 1 and 2")
+            .version(2)
             .accuracy("Counts are exact; probabilities within 1e-12.")
             .example("rayloom: 1\n"
                      "name: band-fit-example\n"

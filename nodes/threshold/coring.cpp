@@ -32,6 +32,7 @@ public:
                  "with y as long as the noise has p ≥ 1 (noise with longer tails than the signal "
                  "explains a far outlier better than the signal does, and ĉ falls again).")
             .source("001_6a300dc64642895d.txt, equations (7)-(11)")
+            .version(2)
             .accuracy("|ĉ − exact| ≤ 1e-4 s_n for p in [0.3, 4].")
             .example("rayloom: 1\n"
                      "name: coring-example\n"
