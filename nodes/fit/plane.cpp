@@ -29,6 +29,7 @@ public:
     struct Params {
         int min_radius = 2;
         int max_radius = 15;
+        float growth = 1.0f;
         float range = 1.0f;
         std::string range_scale = "noise";
         float target_noise = 0.02f;
@@ -40,10 +41,11 @@ public:
     static void describe(Declaration<Params>& d)
     {
         d.name("fit.plane")
+            .version(2)
             .summary("Fits planes to the square around each pixel and to its four quadrants, as "
                      "large as the noise asks for.")
             .doc(
-                "Around each pixel a square grows, one pixel to each side at a time, until the "
+                "Around each pixel a square grows by a share of its size (`growth`) until the "
                 "standard error of the fitted value is below `target_noise` of it, or the square "
                 "has its largest size, or the light is uneven: the plane of the square and that "
                 "of a quadrant differ at the centre by more than `variation` of the value and "
@@ -89,6 +91,11 @@ public:
         d.param("max_radius", &Params::max_radius, "half-size of the largest square")
             .range(1, max_plane_radius)
             .unit("px");
+        d.param("growth", &Params::growth,
+                "share of its half-size by which a square grows, at least one pixel; 0 tries every "
+                "size, as printed")
+            .range(0, 4)
+            .source("003_fb3ee135f07a6099.txt, section 4.3: by one pixel");
         d.param("range", &Params::range, "k, weight of the difference from the mean")
             .min(0)
             .source("003_fb3ee135f07a6099.txt, equation 10");
@@ -142,6 +149,7 @@ public:
         }
         m_settings.min_radius = m.min_radius;
         m_settings.max_radius = m.max_radius;
+        m_settings.growth = m.growth;
         m_settings.range = m.range;
         m_settings.range_scale = m.range_scale == "mean" ? PlaneRange::mean : PlaneRange::noise;
         m_settings.target_noise = m.target_noise;
@@ -170,10 +178,8 @@ public:
         guides.variance = context.input("variance").channel_range(m_variance, m_variances);
         if (context.has("marked"))
             guides.marked = context.input("marked").channel_range(m_marked, m_colours);
-        const double radii = fit_planes(m_settings, m_data, guides, context.output("coefficients"),
-                                        [&] { context.check_cancelled(); });
-        context.count("sum of radii", static_cast<std::size_t>(radii));
-        context.count("pixels fitted", context.region().pixels());
+        fit_planes(m_settings, m_data, guides, context.output("coefficients"),
+                   [&] { context.check_cancelled(); });
     }
 
 private:

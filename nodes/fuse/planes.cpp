@@ -23,6 +23,7 @@ public:
     static void describe(Declaration<Params>& d)
     {
         d.name("fuse.planes")
+            .version(2)
             .summary("Averages, at each pixel, the planes of all squares that cover it.")
             .doc("ζ(p) = Σ w·z̄ / Σ w over the centres q whose square covers p. z̄ blends the plane "
                  "Z of the square with that of the quadrant p lies in, (Z + w_m·Z_m) / (1 + w_m); "

@@ -13,6 +13,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <vector>
 
 namespace rayloom
 {
@@ -29,6 +30,7 @@ enum class PlaneBlend {
 struct PlaneSettings {
     int min_radius = 2;  ///< 5×5 pixels
     int max_radius = 15; ///< at most max_plane_radius
+    float growth = 1.0f; ///< share of the radius by which the next is larger; at least 1 pixel
     float range = 1.0f;  ///< k of equation 10
     PlaneRange range_scale = PlaneRange::mean;
     float target_noise = 0.02f; ///< relative standard error at which growing stops
@@ -58,6 +60,9 @@ constexpr int plane_coefficients(int colours) { return 2 + 15 * colours; }
 
 /// Pixels read around a centre beyond its square.
 constexpr int plane_fit_reach(const PlaneSettings& s) { return s.max_radius + 2; }
+
+/// The radii that are tried, one after the other.
+std::vector<int> plane_radii(const PlaneSettings& settings);
 
 std::size_t fit_planes_scratch(const PlaneSettings& settings, int colours, int part_channels);
 std::size_t fuse_planes_scratch(const PlaneSettings& settings, int colours, int part_channels);

@@ -24,11 +24,14 @@ public:
     static void describe(Declaration<Params>& d)
     {
         d.name("transform.parts")
+            .version(2)
             .summary("Says of each pixel which objects it sees, as pairs of id and coverage.")
             .doc("From a cryptomatte (its first one, object before material): the pixel's ranks as "
                  "they are, names stay numbers. From ID passes: one pair, the id made of object "
                  "and material number, coverage 1; whole numbers below 4096 stay apart. With "
-                 "'auto' ID passes come first, because they cost less, then a cryptomatte; with "
+                 "'auto' a cryptomatte comes first: it knows how much of a pixel each object "
+                 "covers, "
+                 "where an ID pass is one sample of it and jagged under defocus and motion. With "
                  "neither, every pixel is of the same part and the report says so.\n\n"
                  "Two pixels share Σ min(coverage) over equal ids: 1 for the same objects, 0 for "
                  "different ones, between for a partial overlap.")
@@ -61,14 +64,14 @@ public:
         const RenderRoles roles(render, m.renderer);
         m_channels.clear();
         m_ids = false;
-        if (m.source == "auto" || m.source == "ids") {
+        if (m.source == "auto" || m.source == "cryptomatte") find_cryptomatte(roles);
+        if (m_channels.empty() && (m.source == "auto" || m.source == "ids")) {
             for (const char* role : {"object_id", "material_id"})
                 if (const int found = roles.find(role); found >= 0)
                     m_channels.push_back(
                         roles.layers()[static_cast<std::size_t>(found)].indices[0]);
             m_ids = !m_channels.empty();
         }
-        if (!m_ids && (m.source == "auto" || m.source == "cryptomatte")) find_cryptomatte(roles);
         if (m_channels.empty()) {
             if (m.source == "ids" || m.source == "cryptomatte")
                 throw NodeError("the render has no " +

@@ -3,6 +3,10 @@
 #include "rayloom/core/registry.h"
 #include "rayloom/image/border.h"
 
+#include <algorithm>
+#include <string>
+#include <vector>
+
 namespace rayloom
 {
 namespace
@@ -14,6 +18,7 @@ class RestoreMean final : public Node
 public:
     struct Params {
         int scale = 3;
+        std::string mode = "share";
     };
 
     static void describe(Declaration<Params>& d)
@@ -29,10 +34,14 @@ public:
                 "(the loss of energy by averaging logarithms) cancels. Beside a much brighter "
                 "step the dark side comes out too dark, as K f is not f there. Where f is black "
                 "all over the kernel, the reference's energy stays where it is.\n\n"
+                "In mode 'scale' the filtered image is multiplied by the ratio of both local "
+                "means: out = f · K n / K f. Steps are as f has them, whatever lies beside them; "
+                "the sum of the image is the reference's nearly, not exactly.\n\n"
                 "K is the cubic B-spline kernel [1 4 6 4 1]/16 repeated at distances 1, 2, 4, … "
                 "(`scale` times), the image mirrored beyond its edges; its deviation is "
-                "√((4^scale − 1)/3) pixels: 4.6 at scale 3, 9.2 at 4. Channels are treated "
-                "alike and apart. Negative values of f count as zero.")
+                "√((4^scale − 1)/3) pixels: 4.6 at scale 3, 9.2 at 4. Colours are treated "
+                "alike and apart, other channels pass through. Negative values of f count as "
+                "zero.")
             .source("MATH.md, section 3 (energy after the logarithm)")
             .accuracy("Sum of the image kept to 1e-6, in single precision.")
             .example("rayloom: 1\n"
@@ -51,8 +60,12 @@ public:
         d.output("image", "the filtered image with the reference's energy");
         d.param("scale", &Params::scale, "Width of the kernel, as a power of two; 0: no change.")
             .range(0, 8);
+        d.param("mode", &Params::mode,
+                "share: hand out the reference's energy in proportion to f; scale: multiply f by "
+                "the ratio of the means")
+            .choices({"share", "scale"});
     }
-    explicit RestoreMean(const Params& p) : m_scale(p.scale) {}
+    explicit RestoreMean(const Params& p) : m_scale(p.scale), m_share(p.mode == "share") {}
 
     void plan(PlanContext& context) override
     {
@@ -61,9 +74,10 @@ public:
         const ImageDesc& reference = context.input("reference");
         m_window = image.data;
         m_reference_channels = reference.colour();
-        if (m_reference_channels.size() != image.channels.size())
-            throw NodeError("image has " + std::to_string(image.channels.size()) +
-                            " channels and reference " +
+        m_channels = image.colour();
+        if (m_reference_channels.size() != m_channels.size())
+            throw NodeError("image has " + std::to_string(m_channels.size()) +
+                            " colour channels and reference " +
                             std::to_string(m_reference_channels.size()) +
                             " colour channels; they are to be the same");
         context.output("image", image);
@@ -71,7 +85,14 @@ public:
             context.pass_through("image", "image");
             return;
         }
-        for (const auto& [port, times] : {std::pair{"image", 2}, std::pair{"reference", 1}})
+        m_passed.clear();
+        for (int c = 0; c < image.channel_count(); ++c)
+            if (std::find(m_channels.begin(), m_channels.end(), c) == m_channels.end()) {
+                m_passed.push_back(c);
+                context.pass_channel("image", c, "image", c);
+            }
+        for (const auto& [port, times] :
+             {std::pair{"image", m_share ? 2 : 1}, std::pair{"reference", 1}})
             context.needs(port, [window = m_window,
                                  halo = times * spread_reach(m_scale)](const Need& need) {
                 const Region r = need.region.grown(Halo::all(halo));
@@ -86,19 +107,24 @@ public:
     {
         const ConstImageView image = context.input("image"), reference = context.input("reference");
         const ImageView out = context.output("image");
-        for (int c = 0; c < out.channels(); ++c) {
+        for (std::size_t k = 0; k < m_channels.size(); ++k) {
             context.check_cancelled();
-            restore_energy(
-                m_scale, m_window, image.channel_range(c, 1),
-                reference.channel_range(m_reference_channels[static_cast<std::size_t>(c)], 1),
-                out.channel_range(c, 1));
+            const auto restore = m_share ? restore_energy : restore_local_mean;
+            restore(m_scale, m_window, image.channel_range(m_channels[k], 1),
+                    reference.channel_range(m_reference_channels[k], 1),
+                    out.channel_range(m_channels[k], 1));
         }
+        const Region& r = context.region();
+        for (const int c : m_passed)
+            for (int y = r.y0; y < r.y1; ++y)
+                std::copy_n(image.ptr(c, r.x0, y), r.width(), out.row(c, y));
     }
 
 private:
     int m_scale;
+    bool m_share;
     Region m_window;
-    std::vector<int> m_reference_channels;
+    std::vector<int> m_channels, m_reference_channels, m_passed;
 };
 
 RAYLOOM_NODE(RestoreMean);

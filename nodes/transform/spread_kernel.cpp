@@ -40,6 +40,21 @@ void spread(int scale, const Region& r, ImageBuffer& in, ImageBuffer& between, I
     }
 }
 
+/// Row y of `from`, mirrored beyond the window, over the columns of `region`.
+void load_mirrored(ConstImageView from, const Region& window, int y, const Region& region,
+                   float* to)
+{
+    const auto mirror_x = [&](int x) {
+        return border_index(x, window.x0, window.x1, Border::mirror);
+    };
+    const int source = border_index(y, window.y0, window.y1, Border::mirror);
+    const int lo = std::clamp(window.x0, region.x0, region.x1);
+    const int hi = std::clamp(window.x1, lo, region.x1);
+    for (int x = region.x0; x < lo; ++x) to[x - region.x0] = from.at(0, mirror_x(x), source);
+    if (lo < hi) std::copy_n(from.ptr(0, lo, source), hi - lo, to + (lo - region.x0));
+    for (int x = hi; x < region.x1; ++x) to[x - region.x0] = from.at(0, mirror_x(x), source);
+}
+
 } // namespace
 
 std::size_t restore_energy_scratch(int scale, const Region& region)
@@ -54,21 +69,8 @@ void restore_energy(int scale, const Region& window, ConstImageView image, Const
     const Region once = r.grown(Halo::all(spread_reach(scale)));
     const Region twice = r.grown(Halo::all(2 * spread_reach(scale)));
     ImageBuffer share(twice, 1), between, other;
-    const auto mirror_x = [&](int x) {
-        return border_index(x, window.x0, window.x1, Border::mirror);
-    };
-    const auto mirror_y = [&](int y) {
-        return border_index(y, window.y0, window.y1, Border::mirror);
-    };
     const auto load_row = [&](ConstImageView from, int y, const Region& to_region, float* to) {
-        const int source = mirror_y(y);
-        const int lo = std::clamp(window.x0, to_region.x0, to_region.x1);
-        const int hi = std::clamp(window.x1, lo, to_region.x1);
-        for (int x = to_region.x0; x < lo; ++x)
-            to[x - to_region.x0] = from.at(0, mirror_x(x), source);
-        if (lo < hi) std::copy_n(from.ptr(0, lo, source), hi - lo, to + (lo - to_region.x0));
-        for (int x = hi; x < to_region.x1; ++x)
-            to[x - to_region.x0] = from.at(0, mirror_x(x), source);
+        load_mirrored(from, window, y, to_region, to);
     };
     for (int y = twice.y0; y < twice.y1; ++y) {
         float* const to = share.view().row(0, y);
@@ -104,6 +106,32 @@ void restore_energy(int scale, const Region& window, ConstImageView image, Const
         const float* const keep = kept.view().row(0, y);
         float* const to = out.row(0, y);
         for (int i = 0; i < r.width(); ++i) to[i] = (f[i] > 0.0f ? f[i] : 0.0f) * k[i] + keep[i];
+    }
+}
+
+void restore_local_mean(int scale, const Region& window, ConstImageView image,
+                        ConstImageView reference, ImageView out)
+{
+    const Region& r = out.region();
+    const Region wide = r.grown(Halo::all(spread_reach(scale)));
+    ImageBuffer have(wide, 1), want(wide, 1), between, other;
+    for (int y = wide.y0; y < wide.y1; ++y) {
+        float* const f = have.view().row(0, y);
+        load_mirrored(image, window, y, wide, f);
+        for (int i = 0; i < wide.width(); ++i) f[i] = f[i] > 0.0f ? f[i] : 0.0f;
+        load_mirrored(reference, window, y, wide, want.view().row(0, y));
+    }
+    spread(scale, r, have, between, other);
+    spread(scale, r, want, between, other);
+    constexpr float least = 1e-30f;
+    for (int y = r.y0; y < r.y1; ++y) {
+        const float *const f = image.ptr(0, r.x0, y), *const n = reference.ptr(0, r.x0, y);
+        const float *const kf = have.view().row(0, y), *const kn = want.view().row(0, y);
+        float* const to = out.row(0, y);
+        for (int i = 0; i < r.width(); ++i) {
+            const float ratio = kn[i] > 0.0f ? kn[i] / (kf[i] > least ? kf[i] : 1.0f) : 0.0f;
+            to[i] = kf[i] > least ? f[i] * ratio : n[i];
+        }
     }
 }
 

@@ -18,6 +18,10 @@ inline constexpr int spread_reach(int scale) { return 2 * ((1 << scale) - 1); }
 /// both mapped back into the window.
 void restore_energy(int scale, const Region& window, ConstImageView image, ConstImageView reference,
                     ImageView out);
+/// out = image · K n / K f for one channel, else as restore_energy(); both inputs cover
+/// out.region() grown by spread_reach().
+void restore_local_mean(int scale, const Region& window, ConstImageView image,
+                        ConstImageView reference, ImageView out);
 std::size_t restore_energy_scratch(int scale, const Region& region);
 
 } // namespace rayloom

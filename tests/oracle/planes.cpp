@@ -14,6 +14,14 @@ namespace
 
 constexpr double own_weight = 1e-3;
 
+/// The next size that is tried; a last one that would be little larger is the largest itself.
+int next_radius(const PlaneOptions& o, int r)
+{
+    const int next = r + std::max(1, static_cast<int>(o.growth * r));
+    const bool near_end = next > o.max_radius || (o.growth > 0.0 && 6 * next > 5 * o.max_radius);
+    return r < o.max_radius && near_end ? o.max_radius : next;
+}
+
 double light_of(const Raster<double>& z, int x, int y)
 {
     double sum = 0.0;
@@ -122,7 +130,7 @@ CentrePlanes fit_centre(const PlaneInput& in, const PlaneOptions& o, int x, int 
 {
     const int colours = in.z.channels;
     CentrePlanes result;
-    for (int r = o.min_radius; r <= o.max_radius; ++r) {
+    for (int r = o.min_radius; r <= o.max_radius; r = next_radius(o, r)) {
         struct Pixel {
             int dx, dy;
             double guide;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "nodes/fuse/planes_kernel.h"
 #include "rayloom/core/error.h"
 #include "tests/support/plane_scene.h"
 
@@ -81,6 +82,30 @@ TEST(FitPlane, OracleOneColourRangeByNoise)
     o.range_by_noise = true;
     expect_like_oracle(noisy_scene({0, 0, 30, 21}, 1, 0.4f, 4), fit_params(5, 0.1, 2.0, "noise"),
                        o);
+}
+
+TEST(FitPlane, OracleEverySize)
+{
+    oracle::PlaneOptions o;
+    o.max_radius = 7;
+    o.growth = 0.0;
+    o.target_noise = 0.05;
+    ParamValues p = fit_params(7, 0.05);
+    p["growth"] = 0.0;
+    expect_like_oracle(noisy_scene({0, 0, 33, 20}, 1, 0.2f, 6), p, o);
+}
+
+TEST(FitPlane, SizesGrowByAShareOfThemselves)
+{
+    PlaneSettings s;
+    s.growth = 0.0f;
+    EXPECT_EQ(plane_radii(s), (std::vector<int>{2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}));
+    s.growth = 0.5f;
+    EXPECT_EQ(plane_radii(s), (std::vector<int>{2, 3, 4, 6, 9, 15}));
+    s.growth = 1.0f;
+    EXPECT_EQ(plane_radii(s), (std::vector<int>{2, 4, 8, 15}));
+    s.min_radius = s.max_radius = 5;
+    EXPECT_EQ(plane_radii(s), (std::vector<int>{5}));
 }
 
 TEST(FitPlane, PlaneIsFoundWithAnyRadius)

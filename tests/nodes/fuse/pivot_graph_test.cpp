@@ -2,12 +2,17 @@
 // graphs/pivot-lobes.yaml on real renders.
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
+#include "tests/support/engine_nodes_for_tests.h"
+#include "tests/support/made_up_input.h"
+#include "tests/support/made_up_render.h"
 #include "tests/support/render_data.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 
 namespace rayloom::test
 {
@@ -71,6 +76,178 @@ TEST(PivotGraph, OtherLayersStayBitForBit)
         changed += differing > 0;
     }
     EXPECT_GE(changed, 9);
+}
+
+Graph shipped(const char* name) { return read_graph((source / "graphs" / name).string()); }
+
+/// Sum of the colours of channels `first` to `first` + 2.
+double light(ConstImageView image, int first = 0)
+{
+    double sum = 0.0;
+    for (int c = first; c < first + 3; ++c)
+        for (int y = image.region().y0; y < image.region().y1; ++y)
+            for (const float v : image.row_span(c, y)) sum += static_cast<double>(v);
+    return sum;
+}
+
+/// The denoised beauty of a made-up render, finite, and as bright as the render's.
+MemoryImage denoise(const std::shared_ptr<MemoryImage>& render, RunReport* report = nullptr,
+                    const ParamValues& params = {})
+{
+    RunRequest request;
+    request.inputs["render"].images = {render};
+    request.params = params;
+    RunReport run = run_graph(shipped("pivot-lobes.yaml"), request, {});
+    MemoryImage image = std::move(run.images.at("image")[0]);
+    for (int c = 0; c < 3; ++c)
+        for (int y = image.desc.data.y0; y < image.desc.data.y1; ++y)
+            for (const float v : image.pixels.view().row_span(c, y)) EXPECT_TRUE(std::isfinite(v));
+    const int beauty = render->desc.channel("ViewLayer.Combined.R");
+    EXPECT_NEAR(light(image.pixels.view()) / light(render->pixels.view(), beauty), 1.0, 0.02);
+    if (report) *report = std::move(run);
+    return image;
+}
+
+/// Sets the channels of a layer, `value(channel, x, y)`.
+template <class F>
+void set_layer(MemoryImage& render, const std::string& layer, const std::string& channels, F value)
+{
+    for (std::size_t i = 0; i < channels.size(); ++i) {
+        const int c = render.desc.channel("ViewLayer." + layer + "." + channels[i]);
+        ASSERT_GE(c, 0) << layer;
+        for (int y = render.desc.data.y0; y < render.desc.data.y1; ++y)
+            for (int x = render.desc.data.x0; x < render.desc.data.x1; ++x)
+                render.pixels.view().at(c, x, y) = value(static_cast<int>(i), x, y);
+    }
+}
+
+bool noted(const RunReport& report, const std::string& text)
+{
+    return std::ranges::any_of(report.notes, [&](const std::string& note) {
+        return note.find(text) != std::string::npos;
+    });
+}
+
+TEST(PivotGraph, LightIsNotLost)
+{
+    for (const char* scene : {"cornell", "interior", "dof"}) {
+        const auto file = source / "tests/data/cycles" / scene / "noisy_16.exr";
+        RunRequest request;
+        request.inputs["render"].files = {{file.string(), ""}};
+        const RunReport report = run_graph(shipped("pivot-lobes.yaml"), request, {});
+        const TestImage noisy = read_render(file, "ViewLayer.Combined");
+        const double ratio =
+            light(report.images.at("image")[0].pixels.view()) / light(noisy.view());
+        EXPECT_NEAR(ratio, 1.0, 0.01) << scene;
+    }
+}
+
+TEST(PivotGraph, PivotsOfZeroAndNextToNothing)
+{
+    const auto render = made_up_render({}, 4);
+    set_layer(*render, "DiffCol", "RGB", [](int, int x, int y) {
+        return x < 6 ? 0.0f : y < 6 ? 1e-12f : 0.4f;
+    });
+    set_layer(*render, "GlossCol", "RGB", [](int, int, int) { return 1e-30f; });
+    denoise(render);
+}
+
+TEST(PivotGraph, EveryPixelAnObjectAndObjectsOfOnePixel)
+{
+    const auto render = made_up_render({}, 4);
+    for (const bool all : {true, false}) {
+        set_layer(*render, "IndexOB", "X", [&](int, int x, int y) {
+            return all || (x % 5 == 2 && y % 5 == 2) ? static_cast<float>(24 * y + x) : 0.0f;
+        });
+        for (std::string& name : render->desc.channels)
+            if (name.find("Crypto") != std::string::npos) name = "Other" + name;
+        denoise(render);
+    }
+}
+
+TEST(PivotGraph, NormalsThatAreNone)
+{
+    const auto render = made_up_render({}, 4);
+    set_layer(*render, "Normal", "XYZ", [](int, int x, int) {
+        return x < 12 ? std::numeric_limits<float>::quiet_NaN() : 0.0f;
+    });
+    denoise(render);
+}
+
+TEST(PivotGraph, PassesThatAreNotTheBeauty)
+{
+    RunReport report;
+    denoise(made_up_render({}, 4, 1.7f), &report);
+    denoise(made_up_render({}, 4, 0.6f), &report);
+}
+
+TEST(PivotGraph, LobeWithoutPivotStaysUnfiltered)
+{
+    const auto render = made_up_render({}, 4);
+    for (std::string& name : render->desc.channels)
+        if (name.find("GlossCol") != std::string::npos)
+            name = "ViewLayer.Unknown" + name.substr(18);
+    RunReport report;
+    denoise(render, &report);
+    EXPECT_TRUE(noted(report, "glossy direct: no pivot; stays in the remainder"));
+}
+
+TEST(PivotGraph, SkippedLobesAreNamed)
+{
+    RunReport report;
+    denoise(made_up_render({"TransDir", "TransInd"}, 4), &report);
+    EXPECT_TRUE(noted(report, "transmission direct: black, skipped"));
+    EXPECT_TRUE(noted(report, "transmission indirect: black, skipped"));
+    EXPECT_FALSE(noted(report, "diffuse direct: black, skipped"));
+}
+
+TEST(PivotGraph, OtherFilters)
+{
+    const auto render = made_up_render({}, 4);
+    const MemoryImage planes = denoise(render);
+    const MemoryImage nlm = denoise(render, nullptr, {{"filter", std::string("nlm")}});
+    EXPECT_FALSE(same_bits(planes, nlm));
+
+    const Graph graph = shipped("rhf-lobes.yaml");
+    RunRequest request = made_up_request(graph, Region{0, 0, 40, 30});
+    const RunReport rhf = run_graph(graph, request, {});
+    request.params["filter"] = std::string("nlm-guided");
+    const RunReport guided = run_graph(graph, request, {});
+    EXPECT_FALSE(same_bits(rhf.images.at("image")[0], guided.images.at("image")[0]));
+}
+
+TEST(PivotGraph, VarianceThatIsGivenCounts)
+{
+    const auto file = source / "tests/data/cycles/interior/noisy_16.exr";
+    const Graph graph = shipped("pivot.yaml");
+    const auto memory = [](TestImage image) {
+        auto to = std::make_shared<MemoryImage>();
+        to->desc = image.desc;
+        to->pixels = std::move(image.pixels);
+        return to;
+    };
+    const auto color = memory(read_render(file, "ViewLayer.Combined"));
+    const auto run = [&](float variance) {
+        RunRequest request;
+        request.inputs["color"].images = {color};
+        request.inputs["pivot"].images = {memory(read_render(file, "ViewLayer.DiffCol"))};
+        request.inputs["variance"].images = {memory(make_image(
+            color->desc.data, {"R", "G", "B"}, [&](int, int, int) { return variance; }))};
+        return run_graph(graph, request, {});
+    };
+    // No noise: nothing to filter. Much noise: all that is there may be noise.
+    const RunReport none = run(0.0f), much = run(100.0f);
+    double same = 0.0, other = 0.0, all = 0.0;
+    for (int c = 0; c < 3; ++c)
+        for (int y = color->desc.data.y0; y < color->desc.data.y1; ++y)
+            for (int x = color->desc.data.x0; x < color->desc.data.x1; ++x) {
+                const float was = color->pixels.view().at(c, x, y);
+                all += static_cast<double>(was);
+                same += std::abs(none.images.at("image")[0].pixels.view().at(c, x, y) - was);
+                other += std::abs(much.images.at("image")[0].pixels.view().at(c, x, y) - was);
+            }
+    EXPECT_LT(same, 1e-4 * all);
+    EXPECT_GT(other, 0.1 * all);
 }
 
 } // namespace

@@ -20,7 +20,7 @@ MemoryImage parts(const std::string& source)
 
 TEST(Parts, IdsTellObjectsAndMaterialsApart)
 {
-    const MemoryImage p = parts("auto");
+    const MemoryImage p = parts("ids");
     EXPECT_EQ(p.desc.channels, (std::vector<std::string>{"id0", "coverage0"}));
     const auto id = [&](int x, int y) { return p.pixels.view().at(0, x, y); };
     EXPECT_EQ(id(2, 2), 1.0f * 4096.0f + 3.0f);
@@ -31,7 +31,7 @@ TEST(Parts, IdsTellObjectsAndMaterialsApart)
 
 TEST(Parts, CryptomatteKeepsItsRanks)
 {
-    const MemoryImage p = parts("cryptomatte");
+    const MemoryImage p = parts("auto");
     ASSERT_EQ(p.desc.channel_count(), 4);
     EXPECT_EQ(p.pixels.view().at(0, 12, 4), -3.25f);
     EXPECT_EQ(p.pixels.view().at(1, 12, 4), 0.75f);

@@ -124,5 +124,38 @@ TEST(RestoreMean, ChannelsMustAgree)
     EXPECT_THROW(restore(one, three, 2), NodeError);
 }
 
+TEST(RestoreMean, ScalesByTheRatioOfTheMeans)
+{
+    const Region window{-2, 3, 29, 25};
+    const TestImage image = positive(window, 3), reference = positive(window, 4);
+    const NodeRun run = run_node("transform.restore_mean",
+                                 {{"scale", std::int64_t{2}}, {"mode", std::string("scale")}},
+                                 {{"image", {&image}}, {"reference", {&reference}}});
+    std::vector<double> f, n;
+    for (int y = window.y0; y < window.y1; ++y)
+        for (int x = window.x0; x < window.x1; ++x) {
+            f.push_back(image.view().at(0, x, y));
+            n.push_back(reference.view().at(0, x, y));
+        }
+    const std::vector<double> kf = spread(window, f, 2), kn = spread(window, n, 2);
+    std::size_t i = 0;
+    for (int y = window.y0; y < window.y1; ++y)
+        for (int x = window.x0; x < window.x1; ++x, ++i)
+            ASSERT_NEAR(run.image("image").view().at(0, x, y), f[i] * kn[i] / kf[i],
+                        1e-5 * (1.0 + f[i] * kn[i] / kf[i]));
+}
+
+TEST(RestoreMean, AlphaPassesThrough)
+{
+    const Region window{0, 0, 12, 9};
+    const TestImage image = make_image(window, {"R", "A"}, [](int c, int x, int y) {
+        return c == 0 ? 1.0f : static_cast<float>(x * y) / 100.0f;
+    });
+    const TestImage reference = make_image(window, {"R", "A"}, [](int, int, int) { return 2.0f; });
+    const NodeRun run = restore(image, reference, 2);
+    EXPECT_NEAR(run.image("image").view().at(0, 5, 5), 2.0f, 1e-5);
+    EXPECT_EQ(run.image("image").view().at(1, 5, 5), 0.25f);
+}
+
 } // namespace
 } // namespace rayloom

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+/// \file
+/// What the kernels of fit.plane and fuse.planes share on each SIMD target. Included once per
+/// target.
+#if defined(RAYLOOM_PLANES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef RAYLOOM_PLANES_INL_H
+#undef RAYLOOM_PLANES_INL_H
+#else
+#define RAYLOOM_PLANES_INL_H
+#endif
+
+#include "nodes/fuse/planes_scene.h"
+
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace rayloom
+{
+namespace HWY_NAMESPACE
+{
+namespace
+{
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::ScalableTag<float>;
+using V = hn::Vec<D>;
+using M = hn::Mask<D>;
+
+/// Vectors that are worked on side by side: one alone waits for its own results most of the time.
+constexpr int side_by_side = 4;
+
+/// w ← w · 2^−t for t ≥ 0, for N vectors; relative error below 3e-6, 0 from t = 60 on.
+template <int N>
+HWY_INLINE void TimesExp2Minus(const V (&t)[N], V (&w)[N])
+{
+    const D d;
+    const hn::RebindToSigned<D> di;
+    // Added to it, a number is rounded to a whole one, which is left in the lowest bits.
+    const V magic = hn::Set(d, 12582912.0f);
+    V shifted[N], f[N], square[N], low[N], high[N];
+    for (int i = 0; i < N; ++i) shifted[i] = hn::Add(t[i], magic);
+    for (int i = 0; i < N; ++i) f[i] = hn::Sub(shifted[i], magic);
+    for (int i = 0; i < N; ++i) f[i] = hn::Sub(f[i], t[i]);
+    for (int i = 0; i < N; ++i) square[i] = hn::Mul(f[i], f[i]);
+    for (int i = 0; i < N; ++i) low[i] = hn::Mul(f[i], hn::Set(d, 0.6931217908859253f));
+    for (int i = 0; i < N; ++i) high[i] = hn::Mul(f[i], hn::Set(d, 0.05591785907745361f));
+    for (int i = 0; i < N; ++i) low[i] = hn::Add(low[i], hn::Set(d, 0.9999992847442627f));
+    for (int i = 0; i < N; ++i) high[i] = hn::Add(high[i], hn::Set(d, 0.240247443318367f));
+    for (int i = 0; i < N; ++i)
+        high[i] = hn::Add(high[i], hn::Mul(square[i], hn::Set(d, 0.009570100344717503f)));
+    for (int i = 0; i < N; ++i) low[i] = hn::Add(low[i], hn::Mul(high[i], square[i]));
+    for (int i = 0; i < N; ++i) {
+        const auto bits =
+            hn::Sub(hn::BitCast(di, low[i]), hn::ShiftLeft<23>(hn::BitCast(di, shifted[i])));
+        w[i] = hn::IfThenElseZero(hn::Lt(t[i], hn::Set(d, 60.0f)),
+                                  hn::Mul(hn::BitCast(d, bits), w[i]));
+    }
+}
+
+/// w_n · w_part of a vector of pixels with others. Everything it needs is its own, so that stores
+/// of its user do not make the compiler read it again.
+class Guide
+{
+public:
+    Guide(const PlaneScene& scene, int x, int y)
+        : m_row(scene.pixels.view().ptr(0, x, y)), m_stride(scene.pixels.view().channel_stride()),
+          m_normal(scene.normal * m_stride), m_parts(scene.parts * m_stride),
+          m_pairs(scene.part_pairs), m_has_normal(scene.has_normal),
+          m_lacks_normals(scene.lacks_normals)
+    {
+        const D d;
+        m_n0 = m_n1 = m_n2 = m_n3 = m_id = m_cover = hn::Zero(d);
+        if (m_has_normal) {
+            const float* const n = m_row + m_normal;
+            m_n0 = hn::LoadU(d, n);
+            m_n1 = hn::LoadU(d, n + m_stride);
+            m_n2 = hn::LoadU(d, n + 2 * m_stride);
+            m_n3 = hn::LoadU(d, n + 3 * m_stride);
+        }
+        if (m_pairs > 0) {
+            m_id = hn::LoadU(d, m_row + m_parts);
+            m_cover = hn::LoadU(d, m_row + m_parts + m_stride);
+        }
+    }
+
+    /// With the pixels whose channel 0 begins at `other`.
+    HWY_INLINE V With(const float* other) const
+    {
+        const D d;
+        V w = hn::Set(d, 1.0f);
+        if (m_has_normal) {
+            const float* const n = other + m_normal;
+            V dot = hn::Mul(m_n0, hn::LoadU(d, n));
+            dot = hn::Add(dot, hn::Mul(m_n1, hn::LoadU(d, n + m_stride)));
+            dot = hn::Add(dot, hn::Mul(m_n2, hn::LoadU(d, n + 2 * m_stride)));
+            if (m_lacks_normals) dot = hn::Add(dot, hn::Mul(m_n3, hn::LoadU(d, n + 3 * m_stride)));
+            const V square = hn::Mul(dot, dot);
+            w = hn::IfThenElseZero(hn::Gt(dot, hn::Set(d, 0.5f)), hn::Mul(square, square));
+        }
+        if (m_pairs > 0) {
+            V shared = Share(m_id, m_cover, other + m_parts);
+            if (m_pairs > 1) shared = hn::Min(OtherPairs(other, shared), hn::Set(d, 1.0f));
+            w = hn::Mul(w, shared);
+        }
+        return w;
+    }
+
+private:
+    HWY_INLINE V Share(V id, V cover, const float* pair) const
+    {
+        const D d;
+        const M same = hn::Eq(id, hn::LoadU(d, pair));
+        return hn::IfThenElseZero(same, hn::Min(cover, hn::LoadU(d, pair + m_stride)));
+    }
+    HWY_INLINE V OtherPairs(const float* other, V shared) const
+    {
+        const D d;
+        for (int i = 0; i < m_pairs; ++i) {
+            const float* const own = m_row + m_parts + 2 * i * m_stride;
+            const V id = hn::LoadU(d, own), cover = hn::LoadU(d, own + m_stride);
+            for (int j = i == 0 ? 1 : 0; j < m_pairs; ++j)
+                shared = hn::Add(shared, Share(id, cover, other + m_parts + 2 * j * m_stride));
+        }
+        return shared;
+    }
+
+    const float* const m_row;
+    const std::ptrdiff_t m_stride, m_normal, m_parts;
+    const int m_pairs;
+    const bool m_has_normal, m_lacks_normals;
+    V m_n0, m_n1, m_n2, m_n3, m_id, m_cover;
+};
+
+} // namespace
+} // namespace HWY_NAMESPACE
+} // namespace rayloom
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/fuse/planes_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "nodes/fuse/planes_fuse_kernel.cpp"
+#include <hwy/foreach_target.h>
+
+#include "nodes/fuse/planes-inl.h"
+
+#ifndef RAYLOOM_PLANES_FUSE_KERNEL_SHARED
+#define RAYLOOM_PLANES_FUSE_KERNEL_SHARED
+namespace rayloom
+{
+namespace
+{
+
+/// Columns whose largest radius is known, so that what no square reaches is not looked at.
+constexpr int block_width = 16;
+
+/// What one row of centres adds to one row of pixels.
+struct FuseJob {
+    const PlaneScene* scene = nullptr;
+    PlaneBlend blend = PlaneBlend::max;
+    Region part;
+    int y = 0, cy = 0;
+    int x0 = 0, width = 0;         ///< of the row of centres
+    const float* planes = nullptr; ///< the row's coefficients, [channel][width + tail], from x0 on
+    const int* largest = nullptr;  ///< radius, for each block of columns from x0 on
+    float* values = nullptr;       ///< scratch: [3 planes · colours][width + tail]
+    std::ptrdiff_t stride = 0;     ///< of planes and values
+    float* sums = nullptr;         ///< of the row of pixels: weight, colours; [channel][…]
+    std::ptrdiff_t sum_stride = 0;
+    int reach = 0; ///< largest radius of the row
+};
+
+} // namespace
+} // namespace rayloom
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace rayloom
+{
+namespace HWY_NAMESPACE
+{
+namespace
+{
+
+/// b·dy + c of the square (plane 0) or of a quadrant, for a row of centres.
+template <int C>
+HWY_INLINE void Evaluate(const FuseJob& job, int plane, float dy, float* to)
+{
+    const D d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const V vy = hn::Set(d, dy);
+    for (int c = 0; c < C; ++c) {
+        const float* const b = job.planes + (2 + (plane * C + c) * 3 + 1) * job.stride;
+        const float* const k = b + job.stride;
+        for (int i = 0; i < job.width; i += lanes)
+            hn::StoreU(hn::Add(hn::Mul(hn::LoadU(d, b + i), vy), hn::LoadU(d, k + i)), d,
+                       to + c * job.stride + i);
+    }
+}
+
+/// Sums of one vector of pixels, and what equations 11 to 13 add to them.
+template <int C, PlaneBlend blend>
+class PixelSums
+{
+public:
+    PixelSums(const FuseJob& job, int x)
+        : m_guide(*job.scene, x, job.y), m_scene(job.scene->pixels.view().ptr(0, x, job.cy)),
+          m_planes(job.planes + (x - job.x0)), m_values(job.values + (x - job.x0)),
+          m_to(job.sums + (x - job.part.x0)), m_stride(job.stride), m_sum_stride(job.sum_stride),
+          m_source(job.scene->source * job.scene->pixels.view().channel_stride()),
+          m_rows_away(std::abs(job.y - job.cy))
+    {
+        const D d;
+        m_weight = hn::LoadU(d, m_to);
+        for (int c = 0; c < C; ++c) m_colour[c] = hn::LoadU(d, m_to + (1 + c) * m_sum_stride);
+    }
+
+    /// Adds the planes of the centres `ox` to the right. `value` is the quadrant's row of values.
+    HWY_INLINE void Add(int ox, int value, int quadrant, float share, bool own = false)
+    {
+        const D d;
+        const V one = hn::Set(d, 1.0f), zero = hn::Zero(d);
+        const auto away = static_cast<float>(std::max(std::abs(ox), m_rows_away));
+        const M covers = hn::Ge(hn::LoadU(d, m_planes + ox), hn::Set(d, away));
+        if (hn::AllFalse(d, covers)) return;
+        const float* const other = m_scene + ox;
+        V guide = hn::Mul(m_guide.With(other), hn::LoadU(d, other + m_source));
+        guide = hn::IfThenElseZero(covers, guide);
+        if (own) guide = hn::Max(guide, hn::Set(d, plane_own_weight));
+        if (share != 1.0f) guide = hn::Mul(guide, hn::Set(d, share));
+
+        const V dx = hn::Set(d, static_cast<float>(-ox));
+        const float* const a = m_planes + 2 * m_stride + ox;
+        const float* const part_a = a + (quadrant + 1) * C * 3 * m_stride;
+        const float* const rest = m_values + ox;
+        const float* const part_rest = rest + value * C * m_stride;
+        V whole[C], part[C];
+        for (int c = 0; c < C; ++c) {
+            whole[c] = hn::Add(hn::Mul(hn::LoadU(d, a + c * 3 * m_stride), dx),
+                               hn::LoadU(d, rest + c * m_stride));
+            part[c] = hn::Add(hn::Mul(hn::LoadU(d, part_a + c * 3 * m_stride), dx),
+                              hn::LoadU(d, part_rest + c * m_stride));
+        }
+        V whole_light = whole[0], part_light = part[0];
+        for (int c = 1; c < C; ++c) {
+            whole_light = hn::Add(whole_light, whole[c]);
+            part_light = hn::Add(part_light, part[c]);
+        }
+        // Where one is not positive the ratio is 0.
+        const V low = hn::Max(hn::Min(whole_light, part_light), zero);
+        const V high = hn::Max(hn::Max(whole_light, part_light), hn::Set(d, 1e-30f));
+        V ratio = hn::Div(low, high);
+        ratio = hn::Mul(ratio, ratio);
+        ratio = hn::Mul(ratio, ratio);
+        ratio = hn::Mul(ratio, ratio);
+        // (Z + w·Z_m) / (1 + w) with w the ratio (min) or one over it (max).
+        V blended = hn::Div(blend == PlaneBlend::min ? ratio : one, hn::Add(one, ratio));
+        V base = ratio;
+        if (own) {
+            base = hn::Max(base, hn::Set(d, plane_own_weight));
+            blended = hn::IfThenElseZero(hn::Gt(low, zero), blended);
+        }
+        const V all = hn::Mul(guide, base);
+        const V of_part = hn::Mul(all, blended);
+        const V of_whole = hn::Sub(all, of_part);
+        m_weight = hn::Add(m_weight, all);
+        for (int c = 0; c < C; ++c)
+            m_colour[c] = hn::Add(m_colour[c],
+                                  hn::Add(hn::Mul(of_whole, whole[c]), hn::Mul(of_part, part[c])));
+    }
+
+    HWY_INLINE void Store() const
+    {
+        const D d;
+        hn::StoreU(m_weight, d, m_to);
+        for (int c = 0; c < C; ++c) hn::StoreU(m_colour[c], d, m_to + (1 + c) * m_sum_stride);
+    }
+
+private:
+    const Guide m_guide;
+    const float *const m_scene, *const m_planes, *const m_values;
+    float* const m_to;
+    const std::ptrdiff_t m_stride, m_sum_stride, m_source;
+    const int m_rows_away;
+    V m_weight, m_colour[C];
+};
+
+template <int C, PlaneBlend blend>
+void FuseRows(const FuseJob& job)
+{
+    const D d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int down = job.y - job.cy, rows_away = std::abs(down);
+    const auto dy = static_cast<float>(down);
+    const std::ptrdiff_t values = C * job.stride;
+    Evaluate<C>(job, 0, dy, job.values);
+    // On the centres' own row a pixel lies in the lower quadrants and in the upper ones.
+    for (int half = 0; half < (down == 0 ? 2 : 1); ++half) {
+        const int right = down < 0 || half == 1 ? 2 : 0, left = right + 1;
+        const float share = down == 0 ? 0.5f : 1.0f;
+        Evaluate<C>(job, 1 + right, dy, job.values + values);
+        Evaluate<C>(job, 1 + left, dy, job.values + 2 * values);
+        for (int x = job.part.x0; x < job.part.x1; x += lanes) {
+            const int first = std::max(0, x - job.reach - job.x0);
+            const int last = std::min(job.width - 1, x + lanes - 1 + job.reach - job.x0);
+            int reach = 0;
+            for (int b = first / block_width; b <= last / block_width; ++b)
+                reach = std::max(reach, job.largest[b]);
+            if (reach < rows_away) continue;
+            PixelSums<C, blend> sums(job, x);
+            for (int ox = -reach; ox < 0; ++ox) sums.Add(ox, 1, right, share);
+            sums.Add(0, 1, right, 0.5f * share, rows_away == 0);
+            sums.Add(0, 2, left, 0.5f * share, rows_away == 0);
+            for (int ox = 1; ox <= reach; ++ox) sums.Add(ox, 2, left, share);
+            sums.Store();
+        }
+    }
+}
+
+template <int C>
+void FuseWith(const FuseJob& job)
+{
+    if (job.blend == PlaneBlend::max)
+        FuseRows<C, PlaneBlend::max>(job);
+    else
+        FuseRows<C, PlaneBlend::min>(job);
+}
+void FuseOne(const FuseJob& job) { FuseWith<1>(job); }
+void FuseThree(const FuseJob& job) { FuseWith<3>(job); }
+
+} // namespace
+} // namespace HWY_NAMESPACE
+} // namespace rayloom
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace rayloom
+{
+HWY_EXPORT(FuseOne);
+HWY_EXPORT(FuseThree);
+
+std::size_t fuse_planes_scratch(const PlaneSettings& settings, int colours, int part_channels)
+{
+    constexpr int tile = 256; // of the size the engine likes
+    return plane_scene_bytes(settings.max_radius, colours, part_channels) +
+           ImageBuffer::bytes_for({0, 0, tile + plane_tail, tile}, 1 + colours);
+}
+
+void fuse_planes(const PlaneSettings& settings, const Region& data, ConstImageView coefficients,
+                 const PlaneGuides& guides, ImageView out, const std::function<void()>& each_row)
+{
+    const Region& part = out.region();
+    const int colours = out.channels(), channels = coefficients.channels();
+    const int largest = settings.max_radius;
+    const PlaneScene scene = make_plane_scene(largest, part, data, guides, colours);
+    const Region known = part.grown(Halo::all(largest)).intersect(data);
+
+    FuseJob job;
+    job.scene = &scene;
+    job.blend = settings.blend;
+    job.part = part;
+    // Zeros, and no square, beside the image.
+    job.x0 = part.x0 - largest;
+    job.width = part.width() + 2 * largest;
+    job.stride = job.width + plane_tail;
+    const auto stride = static_cast<std::size_t>(job.stride);
+    std::vector<float> planes(static_cast<std::size_t>(channels) * stride, 0.0f);
+    std::fill_n(planes.begin(), stride, -1.0f);
+    std::vector<float> values(static_cast<std::size_t>(3 * colours) * stride, 0.0f);
+    std::vector<int> blocks(stride / block_width + 1);
+    job.planes = planes.data();
+    job.values = values.data();
+    job.largest = blocks.data();
+    Region padded = part;
+    padded.x1 += plane_tail;
+    ImageBuffer sums(padded, 1 + colours);
+    sums.fill(0.0f);
+    job.sum_stride = sums.view().channel_stride();
+
+    for (int cy = known.y0; cy < known.y1; ++cy) {
+        each_row();
+        std::fill(blocks.begin(), blocks.end(), 0);
+        job.reach = 0;
+        float* const radius = planes.data() + (known.x0 - job.x0);
+        const float* const chosen = coefficients.ptr(0, known.x0, cy);
+        for (int x = 0; x < known.width(); ++x) {
+            radius[x] = std::min(chosen[x], static_cast<float>(largest));
+            const auto r = static_cast<int>(radius[x]);
+            int& block = blocks[static_cast<std::size_t>((known.x0 - job.x0 + x) / block_width)];
+            block = std::max(block, r);
+            job.reach = std::max(job.reach, r);
+        }
+        job.cy = cy;
+        const int y0 = std::max(part.y0, cy - job.reach);
+        const int y1 = std::min(part.y1, cy + job.reach + 1);
+        if (y0 >= y1) continue;
+        for (int c = 1; c < channels; ++c)
+            std::copy_n(coefficients.ptr(c, known.x0, cy), known.width(),
+                        planes.data() + c * job.stride + (known.x0 - job.x0));
+        for (int y = y0; y < y1; ++y) {
+            job.y = y;
+            job.sums = sums.view().row(0, y);
+            if (colours == 1)
+                HWY_DYNAMIC_DISPATCH(FuseOne)(job);
+            else
+                HWY_DYNAMIC_DISPATCH(FuseThree)(job);
+        }
+    }
+    for (int y = part.y0; y < part.y1; ++y) {
+        const float* const weight = sums.view().row(0, y);
+        for (int c = 0; c < colours; ++c) {
+            const float* const sum = sums.view().row(1 + c, y);
+            float* const to = out.row(c, y);
+            for (int x = 0; x < part.width(); ++x) to[x] = std::max(0.0f, sum[x] / weight[x]);
+        }
+    }
+}
+
+} // namespace rayloom
+#endif
