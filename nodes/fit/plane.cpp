@@ -29,7 +29,7 @@ public:
     struct Params {
         int min_radius = 2;
         int max_radius = 15;
-        float growth = 1.0f;
+        float growth = 0.5f;
         float range = 1.0f;
         std::string range_scale = "noise";
         float target_noise = 0.02f;

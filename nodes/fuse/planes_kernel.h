@@ -30,7 +30,7 @@ enum class PlaneBlend {
 struct PlaneSettings {
     int min_radius = 2;  ///< 5×5 pixels
     int max_radius = 15; ///< at most max_plane_radius
-    float growth = 1.0f; ///< share of the radius by which the next is larger; at least 1 pixel
+    float growth = 0.5f; ///< share of the radius by which the next is larger; at least 1 pixel
     float range = 1.0f;  ///< k of equation 10
     PlaneRange range_scale = PlaneRange::mean;
     float target_noise = 0.02f; ///< relative standard error at which growing stops

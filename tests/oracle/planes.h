@@ -14,7 +14,7 @@ namespace rayloom::oracle
 
 struct PlaneOptions {
     int min_radius = 2, max_radius = 15;
-    double growth = 1.0;
+    double growth = 0.5;
     double range = 1.0;
     bool range_by_noise = false;
     double target_noise = 0.02, max_noise = 8.0, variation = 0.3, confidence = 2.0;
