@@ -8,6 +8,7 @@
 #include <OpenImageIO/hash.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace rayloom
 {
@@ -53,7 +54,8 @@ bool Planner::channel_black(int stream, int channel)
         for (int c = 0; c < pixels.channels(); ++c)
             for (int row = rows.y0; row < rows.y1 && black[static_cast<std::size_t>(c)]; ++row)
                 for (const float v : std::as_const(pixels).view().row_span(c, row))
-                    if (v != 0.0f) black[static_cast<std::size_t>(c)] = false;
+                    // A negative zero would come out of a filter as a positive one.
+                    if (v != 0.0f || std::signbit(v)) black[static_cast<std::size_t>(c)] = false;
         if (std::ranges::none_of(black, [](bool b) { return b; })) break;
     }
     for (int c = 0; c < source.desc.channel_count(); ++c)

@@ -100,6 +100,7 @@ std::vector<Lobe> find_lobes(PlanContext& context, const LobeChoice& choice,
         return context.black("layers", static_cast<std::size_t>(layer));
     };
     std::vector<Lobe> lobes;
+    std::optional<Lobe> black_one;
     for (const std::string kind : {"diffuse", "glossy", "transmission", "subsurface"}) {
         int pivot = roles.find(kind + "_color");
         // Only a renderer that writes a colour for each lobe (Cycles) divides its light by it.
@@ -123,14 +124,19 @@ std::vector<Lobe> find_lobes(PlanContext& context, const LobeChoice& choice,
                 context.note(lobe.name + ": no pivot; stays in the remainder");
                 continue;
             }
-            std::erase_if(lobe.light, black);
-            if (lobe.light.empty() || black(pivot)) {
+            Lobe lit = lobe;
+            std::erase_if(lit.light, black);
+            // Light that was divided by a black pivot is black once it is multiplied back.
+            if (lit.light.empty() || (divided && black(pivot))) {
                 context.note(lobe.name + ": black, skipped");
+                if (!black_one) black_one = std::move(lobe);
                 continue;
             }
-            lobes.push_back(std::move(lobe));
+            lobes.push_back(std::move(lit));
         }
     }
+    // A list without images would stop the graph at the next node.
+    if (lobes.empty() && black_one) lobes.push_back(std::move(*black_one));
     return lobes;
 }
 
