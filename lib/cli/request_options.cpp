@@ -28,6 +28,10 @@ Region parse_region(const std::string& text)
     }
     if (values[2] <= 0 || values[3] <= 0)
         throw UsageError("--roi wants a width and a height above 0, not '" + text + "'");
+    constexpr int far = 1 << 28;
+    for (const int value : values)
+        if (value < -far || value > far)
+            throw UsageError("--roi wants pixels within 2^28 of the origin, not '" + text + "'");
     return {values[0], values[1], values[0] + values[2], values[1] + values[3]};
 }
 

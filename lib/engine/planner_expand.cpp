@@ -285,7 +285,6 @@ void Planner::expand_node(Scope& scope, const GraphNode& node)
         const std::size_t before = m_problems.size();
         request.params = node_params(scope, node, info->params, index);
         if (m_problems.size() != before) return std::nullopt;
-        request.node = info->create(request.params);
         request.inputs = info->inputs;
         request.outputs = info->outputs;
         for (const auto& [key, value] : arguments) {

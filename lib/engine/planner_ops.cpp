@@ -4,6 +4,7 @@
 #include "rayloom/engine/engine_nodes.h"
 
 #include <algorithm>
+#include <new>
 
 namespace rayloom::planning
 {
@@ -12,6 +13,13 @@ namespace
 {
 
 constexpr std::size_t max_ops = 200'000; // a runaway of nested graphs and lists, not a pipeline
+
+/// Sums and differences of coordinates of such windows fit an int.
+bool near_origin(const Region& window)
+{
+    constexpr int far = 1 << 28;
+    return window.x0 >= -far && window.y0 >= -far && window.x1 <= far && window.y1 <= far;
+}
 
 } // namespace
 
@@ -54,6 +62,7 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
 
     PlanContext context(std::move(planned));
     try {
+        if (!request.node) request.node = request.info->create(request.params);
         request.node->plan(context);
     } catch (const NodeError& e) {
         problem(request.where, title + ": " + e.what());
@@ -61,8 +70,25 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     } catch (const InputError& e) {
         m_input_errors.push_back(title + ": " + e.what());
         return std::nullopt;
+    } catch (const Error&) {
+        throw;
+    } catch (const std::bad_alloc&) {
+        throw MemoryError(title + ": memory ran out");
+    } catch (const std::exception& e) {
+        throw Error(title + ": " + e.what());
+    } catch (...) {
+        throw Error(title + ": it threw what is no exception");
     }
     PlanResult result = context.result();
+    for (const auto& [port, descs] : result.outputs)
+        for (const ImageDesc& desc : descs)
+            for (const Region& window : {desc.data, desc.display})
+                if (!near_origin(window)) {
+                    problem(request.where, title + ": window " + window.text() +
+                                               " lies more than 2^28 pixels from the origin; "
+                                               "move the image");
+                    return std::nullopt;
+                }
 
     std::size_t elements = 1;
     bool first = true;
@@ -249,7 +275,6 @@ Planner::add_node_op(const std::string& id, const std::string& op, ParamValues p
         if (!p) throw Error("node '" + op + "' has no parameter '" + name + "'");
         request.params[name] = check_param(*p, value);
     }
-    request.node = info->create(request.params);
     request.inputs = info->inputs;
     request.outputs = info->outputs;
     request.arguments = std::move(arguments);

@@ -204,6 +204,8 @@ private:
             throw MemoryError(prefix + "memory ran out");
         } catch (const std::exception& e) {
             throw Error(prefix + e.what());
+        } catch (...) {
+            throw Error(prefix + "it threw what is no exception");
         }
     }
 
