@@ -39,6 +39,13 @@ std::size_t payload_bytes(const Region& window, int channels)
     return window.pixels() * static_cast<std::size_t>(channels) * sizeof(float);
 }
 
+/// Of an entry's content under its name: a file that came to another entry's name is damaged.
+std::uint64_t checksum_of(const std::string& path, const void* data, std::size_t bytes)
+{
+    const std::string name = fs::path(path).filename().string();
+    return OIIO::xxhash::XXH64(data, bytes, OIIO::xxhash::XXH64(name.data(), name.size(), 1));
+}
+
 /// A file mapped for reading or writing.
 class Mapping
 {
@@ -159,8 +166,7 @@ void CacheWriter::commit()
     header.x1 = s.window.x1;
     header.y1 = s.window.y1;
     header.channels = s.channels;
-    header.checksum =
-        OIIO::xxhash::XXH64(s.mapping->data() + offset, s.mapping->size() - offset, 1);
+    header.checksum = checksum_of(s.path, s.mapping->data() + offset, s.mapping->size() - offset);
     std::memcpy(s.mapping->data(), &header, sizeof header);
     s.mapping.reset();
     if (::rename(s.temporary.c_str(), s.path.c_str()) != 0) ::unlink(s.temporary.c_str());
@@ -205,7 +211,7 @@ std::shared_ptr<const Node> Cache::find(const std::vector<CachedOutput>& outputs
                    Region{header.x0, header.y0, header.x1, header.y1} == window &&
                    header.channels == output.channels &&
                    header.checksum ==
-                       OIIO::xxhash::XXH64(mapping->data() + offset, mapping->size() - offset, 1);
+                       checksum_of(file, mapping->data() + offset, mapping->size() - offset);
         }
         if (!good) {
             ::unlink(file.c_str());
@@ -223,7 +229,7 @@ void Cache::store_totals(const std::string& key, const std::vector<double>& tota
 {
     const std::string file = path(key, ".totals"), temporary = temporary_name(file);
     const std::size_t bytes = totals.size() * sizeof(double);
-    const std::uint64_t checksum = OIIO::xxhash::XXH64(totals.data(), bytes, 1);
+    const std::uint64_t checksum = checksum_of(file, totals.data(), bytes);
     {
         std::ofstream out(temporary, std::ios::binary);
         out.write(reinterpret_cast<const char*>(&checksum), sizeof checksum);
@@ -240,6 +246,8 @@ void Cache::store_totals(const std::string& key, const std::vector<double>& tota
 std::optional<std::vector<double>> Cache::find_totals(const std::string& key) const
 {
     const std::string file = path(key, ".totals");
+    std::error_code ignored;
+    if (!fs::is_regular_file(file, ignored)) return std::nullopt;
     std::ifstream in(file, std::ios::binary | std::ios::ate);
     if (!in) return std::nullopt;
     const auto size = static_cast<std::size_t>(in.tellg());
@@ -251,7 +259,7 @@ std::optional<std::vector<double>> Cache::find_totals(const std::string& key) co
     in.read(reinterpret_cast<char*>(totals.data()),
             static_cast<std::streamsize>(totals.size() * sizeof(double)));
     if (!in || size != sizeof checksum + totals.size() * sizeof(double) ||
-        checksum != OIIO::xxhash::XXH64(totals.data(), totals.size() * sizeof(double), 1)) {
+        checksum != checksum_of(file, totals.data(), totals.size() * sizeof(double))) {
         ::unlink(file.c_str());
         return std::nullopt;
     }
