@@ -9,6 +9,8 @@
 #include <cstdlib>
 #include <iostream>
 #include <new>
+#include <string_view>
+#include <system_error>
 
 namespace
 {
@@ -82,6 +84,13 @@ int main(int argc, char** argv)
         std::cerr << "rayloom: memory ran out\n";
         return 5;
     } catch (const std::exception& e) {
+        // oneTBB has no type of its own for it.
+        const auto* system = dynamic_cast<const std::system_error*>(&e);
+        if ((system && system->code() == std::errc::resource_unavailable_try_again) ||
+            std::string_view(e.what()).starts_with("pthread_create has failed")) {
+            std::cerr << "rayloom: memory ran out: no thread could be started\n";
+            return 5;
+        }
         std::cerr << "rayloom: internal error: " << e.what()
                   << "\nrayloom: the command was: " << command_line(argc, argv) << "\n";
         return 70;

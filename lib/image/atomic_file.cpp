@@ -27,7 +27,8 @@ fs::path resolve_links(const fs::path& path)
 {
     fs::path at = path;
     std::error_code error;
-    for (int i = 0; i < 40 && fs::is_symlink(fs::symlink_status(at, error)); ++i) {
+    for (int i = 0; fs::is_symlink(fs::symlink_status(at, error)); ++i) {
+        if (i == 40) throw OutputError(path.string() + ": is a link that leads back to itself");
         const fs::path to = fs::read_symlink(at, error);
         if (error) break;
         at = to.is_absolute() ? to : at.parent_path() / to;

@@ -19,6 +19,7 @@
 #include <mutex>
 #include <set>
 #include <sys/stat.h>
+#include <system_error>
 
 namespace rayloom
 {
@@ -62,6 +63,10 @@ std::unique_ptr<OIIO::ImageInput> open_input(const std::string& path)
     std::unique_ptr<OIIO::ImageInput> input;
     try {
         input = OIIO::ImageInput::open(path);
+    } catch (const std::system_error& e) {
+        if (e.code() == std::errc::resource_unavailable_try_again)
+            throw MemoryError(path + ": memory ran out: no thread could be started to read it");
+        fail(path, "is not an image that can be read: " + clean(e.what(), path));
     } catch (const std::exception& e) {
         fail(path, "is not an image that can be read: " + clean(e.what(), path));
     }
