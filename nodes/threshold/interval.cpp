@@ -116,7 +116,10 @@ public:
             for (int x = region.x0; x < region.x1; ++x) {
                 const float count =
                     context.has("count") ? context.input("count").at(0, x, y) : m.samples;
-                const int n = static_cast<int>(std::min(count, static_cast<float>(table_size)));
+                // A count that is negative or no number is none.
+                const int n =
+                    count > 0.0f ? static_cast<int>(std::min(count, static_cast<float>(table_size)))
+                                 : 0;
                 if (n == 1 && m.too_few == "error")
                     throw InputError("pixel (" + std::to_string(x) + ", " + std::to_string(y) +
                                      "): " + one_sample_has_no_interval);
