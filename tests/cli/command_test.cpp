@@ -15,7 +15,6 @@
 #include <sstream>
 #include <sys/resource.h>
 #include <sys/wait.h>
-#include <thread>
 #include <unistd.h>
 
 namespace rayloom::test
@@ -275,19 +274,12 @@ TEST_F(Command, CtrlCStopsWithinASecondAndLeavesNothing)
                      "  a: {op: fuse.histogram, image: stats.mean, histogram: hist, window: 61}\n"
                      "  b: {op: fuse.histogram, image: a, histogram: hist, window: 61}\n"
                      "outputs: {image: b}\n");
-    const std::string program = std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom";
     const std::string input = "color=" + (source / "tests/data/cycles/cornell/ref.exr").string();
-    const std::string folder = file("").parent_path().string();
-    const pid_t child = ::fork();
-    ASSERT_GE(child, 0);
-    if (child == 0) {
-        if (::chdir(folder.c_str()) != 0) ::_exit(126);
-        ::execl(program.c_str(), program.c_str(), "run", graph.c_str(), "-i", input.c_str(), "-o",
-                "image=out.exr", "-q", nullptr);
-        ::_exit(127);
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(700));
-    ASSERT_EQ(::waitpid(child, nullptr, WNOHANG), 0) << "the run ended before it could be stopped";
+    const StartedCommand started({"run", graph.string(), "-i", input, "-o", "image=out.exr"},
+                                 file("").parent_path());
+    // Which layers are read is said when pixels begin to be computed.
+    ASSERT_TRUE(started.says("(input 'color')")) << "the run ended before it could be stopped";
+    const pid_t child = started.process();
     const auto asked = std::chrono::steady_clock::now();
     ::kill(child, SIGINT);
     int status = 0;

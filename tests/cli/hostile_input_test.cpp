@@ -70,41 +70,17 @@ protected:
     }
     /// Starts a run of slow.yaml in the folder and waits until it says which layers it reads, which
     /// is when pixels begin to be computed.
-    pid_t start_slow_run() const
+    StartedCommand start_slow_run() const
     {
         write("slow.yaml", slow);
-        const std::string program = std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom";
         const std::string input =
             "color=" + (source / "tests/data/cycles/cornell/ref.exr").string();
-        const std::string folder = m_folder.path().string();
-        int ends[2] = {-1, -1};
-        if (::pipe(ends) != 0) return -1;
-        const pid_t child = ::fork();
-        if (child == 0) {
-            if (::chdir(folder.c_str()) != 0 || ::dup2(ends[1], 2) < 0) ::_exit(126);
-            ::close(ends[0]);
-            ::close(ends[1]);
-            ::execl(program.c_str(), program.c_str(), "run", "slow.yaml", "-i", input.c_str(), "-o",
-                    "image=out.exr", nullptr);
-            ::_exit(127);
-        }
-        ::close(ends[1]);
-        std::string said;
-        for (char c = 0; said.find("filtered") == std::string::npos && ::read(ends[0], &c, 1) == 1;)
-            said += c;
-        m_listening = ends[0]; // closed later: the child may say more
-        EXPECT_THAT(said, HasSubstr("filtered"));
-        std::this_thread::sleep_for(std::chrono::milliseconds(300));
-        return child;
-    }
-    void TearDown() override
-    {
-        if (m_listening >= 0) ::close(m_listening);
+        return StartedCommand({"run", "slow.yaml", "-i", input, "-o", "image=out.exr"},
+                              m_folder.path());
     }
 
 private:
     TemporaryFolder m_folder;
-    mutable int m_listening = -1;
 };
 
 TEST_F(HostileInput, NanAndInfinityInARenderAreRepairedAndSaid)
@@ -183,8 +159,10 @@ TEST_F(HostileInput, AFullDiskKeepsTheEarlierFile)
 
 TEST_F(HostileInput, AKillLeavesNothing)
 {
-    const pid_t child = start_slow_run();
-    ASSERT_GT(child, 0);
+    const StartedCommand started = start_slow_run();
+    ASSERT_TRUE(started.says("filtered"));
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    const pid_t child = started.process();
     int status = 0;
     ASSERT_EQ(::waitpid(child, &status, WNOHANG), 0) << "it ended before it could be killed";
     ::kill(child, SIGKILL);
@@ -195,8 +173,10 @@ TEST_F(HostileInput, AKillLeavesNothing)
 
 TEST_F(HostileInput, SlowFiltersStopWithinASecond)
 {
-    const pid_t child = start_slow_run();
-    ASSERT_GT(child, 0);
+    const StartedCommand started = start_slow_run();
+    ASSERT_TRUE(started.says("filtered"));
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    const pid_t child = started.process();
     int status = 0;
     ASSERT_EQ(::waitpid(child, &status, WNOHANG), 0) << "it ended before it could be stopped";
     const auto asked = std::chrono::steady_clock::now();

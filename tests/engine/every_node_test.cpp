@@ -6,19 +6,17 @@
 #include "rayloom/graph/reader.h"
 #include "tests/support/engine_nodes_for_tests.h"
 #include "tests/support/made_up_input.h"
+#include "tests/support/subjects.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 namespace rayloom::test
 {
 namespace
 {
-
-namespace fs = std::filesystem;
 
 /// All images of all outputs, in order, and all figures.
 struct Results {
@@ -119,18 +117,11 @@ TEST_P(EveryNode, ExampleGivesTheSamePixelsHoweverItIsRun)
 {
     const NodeInfo& node = *Registry::instance().find(GetParam());
     ASSERT_FALSE(node.example.empty()) << node.name << " has no example";
-    std::string text = node.example;
-    const std::string config = "config: config.ocio";
-    if (const std::size_t at = text.find(config); at != std::string::npos)
-        text.replace(at, config.size(),
-                     "config: " RAYLOOM_SOURCE_DIR "/tests/data/ocio/config.ocio");
-    const Graph graph = parse_graph(text, node.name);
+    const Graph graph = example_graph(node.name);
     EXPECT_TRUE(std::ranges::any_of(graph.nodes, [&](const GraphNode& n) {
         return n.op == node.name;
     })) << "the example does not use the node";
-    if (std::ranges::any_of(graph.nodes,
-                            [](const GraphNode& n) { return n.op.starts_with("io."); }))
-        GTEST_SKIP() << "reads or writes files; tests/nodes/io holds it";
+    if (touches_files(graph)) GTEST_SKIP() << "reads or writes files; tests/nodes/io holds it";
     for (const Region window :
          {Region{0, 0, 101, 83}, Region{-9, 17, 30, 60}, Region{4, 4, 5, 5}}) {
         SCOPED_TRACE(window.text());
@@ -138,24 +129,12 @@ TEST_P(EveryNode, ExampleGivesTheSamePixelsHoweverItIsRun)
     }
 }
 
-std::vector<std::string> built_in_names()
-{
-    std::vector<std::string> names;
-    for (const NodeInfo* node : Registry::instance().all())
-        if (!node->name.starts_with("engine.") && !node->name.starts_with("mock."))
-            names.push_back(node->name);
-    return names;
-}
-
 std::string test_name(const ::testing::TestParamInfo<std::string>& info)
 {
-    std::string name = fs::path(info.param).filename().string();
-    for (char& c : name)
-        if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
-    return name;
+    return as_test_name(info.param);
 }
 
-INSTANTIATE_TEST_SUITE_P(Registry, EveryNode, ::testing::ValuesIn(built_in_names()), test_name);
+INSTANTIATE_TEST_SUITE_P(Registry, EveryNode, ::testing::ValuesIn(built_in_nodes()), test_name);
 
 class EveryGraph : public ::testing::TestWithParam<std::string>
 {
@@ -168,15 +147,6 @@ TEST_P(EveryGraph, GivesTheSamePixelsHoweverItIsRun)
         SCOPED_TRACE(window.text());
         hold_graph(graph, window);
     }
-}
-
-std::vector<std::string> shipped_graphs()
-{
-    std::vector<std::string> files;
-    for (const auto& entry : fs::directory_iterator(fs::path(RAYLOOM_SOURCE_DIR) / "graphs"))
-        if (entry.path().extension() == ".yaml") files.push_back(entry.path().string());
-    std::ranges::sort(files);
-    return files;
 }
 
 INSTANTIATE_TEST_SUITE_P(Shipped, EveryGraph, ::testing::ValuesIn(shipped_graphs()), test_name);

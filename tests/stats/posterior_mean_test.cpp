@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 namespace rayloom
@@ -104,6 +105,17 @@ TEST(PosteriorMean, WithoutNoiseOrSignal)
     for (const float y : {1e-4f, 0.5f, -4.9f}) EXPECT_NEAR(faint(y), y, 1e-6f);
     EXPECT_EQ(posterior_mean(0.7, {1.0, 1.0}, {0.0, 2.0}), 0.7);
     EXPECT_EQ(posterior_mean(0.7, {0.0, 1.0}, {0.3, 2.0}), 0.0);
+}
+
+TEST(PosteriorMeanTable, WhatIsNoNumberStaysOutOfTheTable)
+{
+    const PosteriorMeanTable table({0.4, 0.8}, {0.19, 1.5}, 5.0);
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    const float infinity = std::numeric_limits<float>::infinity();
+    EXPECT_TRUE(std::isnan(table(nan)));
+    EXPECT_EQ(table(infinity), infinity);
+    EXPECT_EQ(table(-infinity), -infinity);
+    EXPECT_TRUE(std::isfinite(table(std::numeric_limits<float>::max())));
 }
 
 TEST(SignalFit, RecoversSignalBeneathNoise)

@@ -81,6 +81,37 @@ CommandResult run_command(const std::vector<std::string>& arguments, const fs::p
     return result;
 }
 
+StartedCommand::StartedCommand(std::vector<std::string> arguments, const fs::path& folder)
+{
+    arguments.insert(arguments.begin(), std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom");
+    std::vector<char*> argv;
+    for (std::string& a : arguments) argv.push_back(a.data());
+    argv.push_back(nullptr);
+    int ends[2] = {-1, -1};
+    if (::pipe(ends) != 0) throw std::runtime_error("pipe failed");
+    m_process = ::fork();
+    if (m_process < 0) throw std::runtime_error("fork failed");
+    if (m_process == 0) {
+        if (::chdir(folder.c_str()) != 0 || ::dup2(ends[1], 2) < 0) ::_exit(126);
+        ::close(ends[0]);
+        ::close(ends[1]);
+        ::execv(argv[0], argv.data());
+        ::_exit(127);
+    }
+    ::close(ends[1]);
+    m_listening = ends[0];
+}
+
+StartedCommand::~StartedCommand() { ::close(m_listening); }
+
+bool StartedCommand::says(const std::string& word) const
+{
+    std::string said;
+    for (char c = 0; said.find(word) == std::string::npos; said += c)
+        if (::read(m_listening, &c, 1) != 1) return false;
+    return true;
+}
+
 CommandResult rayloom(std::vector<std::string> arguments, const fs::path& folder,
                       const std::vector<std::string>& environment)
 {

@@ -25,6 +25,24 @@ CommandResult run_command(const std::vector<std::string>& arguments,
 CommandResult rayloom(std::vector<std::string> arguments, const std::filesystem::path& folder,
                       const std::vector<std::string>& environment = {});
 
+/// The built `rayloom`, started and not waited for.
+class StartedCommand
+{
+public:
+    StartedCommand(std::vector<std::string> arguments, const std::filesystem::path& folder);
+    /// Closes what it listens at; ends nothing.
+    ~StartedCommand();
+    StartedCommand(const StartedCommand&) = delete;
+    StartedCommand& operator=(const StartedCommand&) = delete;
+    /// Reads what the command says on standard error until it says `word`; false when it ends
+    /// before.
+    bool says(const std::string& word) const;
+    int process() const { return m_process; }
+
+private:
+    int m_process = -1, m_listening = -1;
+};
+
 /// A folder that is empty at first and gone at the end.
 class TemporaryFolder
 {
