@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/stress/hostile_images.h"
+
+#include "tests/support/made_up_input.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace rayloom::test
+{
+
+namespace
+{
+
+using PixelChange = std::function<float(int channel, int x, int y, float was)>;
+
+constexpr float nan = std::numeric_limits<float>::quiet_NaN();
+constexpr float infinity = std::numeric_limits<float>::infinity();
+constexpr float denormal = 1e-40f;
+
+/// Counts of samples and the bins they lie in are not radiance: their kinds of hostility are apart.
+bool counts_something(const std::string& input)
+{
+    return input.ends_with("histogram") || input.ends_with("count");
+}
+
+/// What surfaces make of light: a share of it, not an amount.
+bool is_share(const std::string& input)
+{
+    for (const char* share : {"albedo", "_color", "pivot", "flash_unit"})
+        if (input.ends_with(share)) return true;
+    return input == "multiplier" || input == "other";
+}
+
+bool holds_variance(const std::string& input) { return input.ends_with("variance"); }
+
+HostileCase with_pixels(std::string name, Demand demand, const Region& window, PixelChange change)
+{
+    return {std::move(name), demand, [=](const Graph& graph) {
+                RunRequest request = made_up_request(graph, window);
+                change_images(request,
+                              [&](const std::string& input, std::size_t, MemoryImage& image) {
+                                  // Light times a share of 1e30 has no float to be in.
+                                  const bool given = demand == Demand::no_nan && is_share(input);
+                                  if (!counts_something(input) && !given) set_pixels(image, change);
+                              });
+                return request;
+            }};
+}
+
+HostileCase with_window(std::string name, const Region& window)
+{
+    return {std::move(name), Demand::finite,
+            [=](const Graph& graph) { return made_up_request(graph, window); }};
+}
+
+HostileCase with_channels(std::string name, const Region& window,
+                          const std::vector<std::string>& channels)
+{
+    return {std::move(name), Demand::finite, [=](const Graph& graph) {
+                RunRequest request = made_up_request(graph, window);
+                change_images(
+                    request, [&](const std::string& input, std::size_t, MemoryImage& image) {
+                        if (counts_something(input)) return;
+                        MemoryImage other;
+                        other.desc = image.desc.with_channels(channels);
+                        other.pixels = ImageBuffer(image.desc.data, other.desc.channel_count());
+                        set_pixels(other, [&](int c, int x, int y, float) {
+                            return image.pixels.view().at(c % image.desc.channel_count(), x, y);
+                        });
+                        image = std::move(other);
+                    });
+                return request;
+            }};
+}
+
+HostileCase with_list_of(std::size_t length, const Region& window)
+{
+    return {"lists of " + std::to_string(length), Demand::finite, [=](const Graph& graph) {
+                RunRequest request = made_up_request(graph, window);
+                for (auto& [name, binding] : request.inputs)
+                    if (binding.is_list && binding.images.size() > length)
+                        binding.images.resize(length);
+                return request;
+            }};
+}
+
+/// The last input (or the last image of the last list) is another size than the rest.
+HostileCase with_odd_one_out(std::string name, const Region& window, const Region& other)
+{
+    return {std::move(name), Demand::finite, [=](const Graph& graph) {
+                RunRequest request = made_up_request(graph, window);
+                RunRequest odd = made_up_request(graph, other);
+                if (request.inputs.empty()) return request;
+                auto& last = std::prev(request.inputs.end())->second;
+                last.images.back() = std::prev(odd.inputs.end())->second.images.back();
+                return request;
+            }};
+}
+
+} // namespace
+
+void change_images(
+    RunRequest& request,
+    const std::function<void(const std::string& input, std::size_t element, MemoryImage&)>& change)
+{
+    for (auto& [name, binding] : request.inputs)
+        for (std::size_t i = 0; i < binding.images.size(); ++i) {
+            const MemoryImage& was = *binding.images[i];
+            auto image = std::make_shared<MemoryImage>();
+            image->desc = was.desc;
+            image->pixels = ImageBuffer(was.desc.data, was.desc.channel_count());
+            copy_pixels(was.pixels.view(), image->pixels.view());
+            change(name, i, *image);
+            binding.images[i] = std::move(image);
+        }
+}
+
+void set_pixels(MemoryImage& image, const PixelChange& value)
+{
+    const Region& r = image.desc.data;
+    for (int c = 0; c < image.desc.channel_count(); ++c)
+        for (int y = r.y0; y < r.y1; ++y)
+            for (int x = r.x0; x < r.x1; ++x) {
+                float& v = image.pixels.view().at(c, x, y);
+                v = value(c, x, y, v);
+            }
+}
+
+std::vector<HostileCase> hostile_cases(int side)
+{
+    // A prime width and another prime height: no tile, strip or vector fits.
+    const Region window{0, 0, side, side - 6};
+    const int half = side / 2;
+    std::vector<HostileCase> cases;
+    const auto pixels = [&](std::string name, PixelChange change, Demand demand = Demand::finite) {
+        cases.push_back(with_pixels(std::move(name), demand, window, std::move(change)));
+    };
+    pixels("zeros", [](int, int, int, float) { return 0.0f; });
+    pixels("negative zeros", [](int, int, int, float) { return -0.0f; });
+    pixels("a constant", [](int c, int, int, float) { return 0.37f + static_cast<float>(c); });
+    pixels("denormals", [](int, int x, int y, float) {
+        return denormal * static_cast<float>((x * 7 + y * 3) % 5);
+    });
+    pixels("1e-30", [](int, int, int, float v) { return v * 1e-30f; });
+    pixels("half-max", [](int, int x, int y, float v) {
+        return (x + y) % 3 == 0 ? v : (x % 2 == 0 ? 65504.0f : -65504.0f);
+    });
+    pixels("negative lobes",
+           [](int, int x, int y, float v) { return (x + y) % 2 == 0 ? -0.3f * v : v; });
+    pixels("all negative", [](int, int, int, float v) { return -v; });
+    pixels("fireflies",
+           [](int, int x, int y, float v) { return (x * 31 + y * 17) % 97 == 0 ? 1e6f : v; });
+    pixels(
+        "1e30", [](int, int, int, float v) { return v * 1e30f; }, Demand::no_nan);
+    pixels(
+        "the largest floats",
+        [](int, int x, int y, float) {
+            const float most = std::numeric_limits<float>::max();
+            return (x + 2 * y) % 5 == 0 ? -most : most;
+        },
+        Demand::anything);
+    pixels(
+        "1e-30 beside 1e30",
+        [](int, int x, int y, float v) {
+            return (x / 3 + y / 2) % 2 == 0 ? v * 1e30f : v * 1e-30f;
+        },
+        Demand::no_nan);
+    pixels(
+        "one NaN", [](int, int x, int y, float v) { return x == 0 && y == 0 ? nan : v; },
+        Demand::confined);
+    pixels(
+        "one infinity", [](int, int x, int y, float v) { return x == 1 && y == 0 ? infinity : v; },
+        Demand::confined);
+    pixels(
+        "one negative infinity in one channel",
+        [](int c, int x, int y, float v) { return c == 0 && x == 0 && y == 1 ? -infinity : v; },
+        Demand::confined);
+    pixels(
+        "a tile of NaN",
+        [=](int, int x, int y, float v) { return x < half / 2 && y < half / 2 ? nan : v; },
+        Demand::confined);
+
+    const auto by_input = [&](std::string name, std::function<PixelChange(const std::string&)> of) {
+        cases.push_back({std::move(name), Demand::finite, [=](const Graph& graph) {
+                             RunRequest request = made_up_request(graph, window);
+                             change_images(request, [&](const std::string& input, std::size_t,
+                                                        MemoryImage& image) {
+                                 if (const PixelChange change = of(input))
+                                     set_pixels(image, change);
+                             });
+                             return request;
+                         }});
+    };
+    by_input("zero variance", [](const std::string& input) -> PixelChange {
+        if (!holds_variance(input)) return {};
+        return [](int, int, int, float) { return 0.0f; };
+    });
+    by_input("variance without mean", [](const std::string& input) -> PixelChange {
+        if (holds_variance(input)) return [](int, int, int, float) { return 2.0f; };
+        if (counts_something(input)) return {};
+        return [](int, int, int, float) { return 0.0f; };
+    });
+    by_input("negative variance", [](const std::string& input) -> PixelChange {
+        if (!holds_variance(input)) return {};
+        return [](int, int, int, float v) { return -v; };
+    });
+    by_input("one sample a pixel", [](const std::string& input) -> PixelChange {
+        if (input.ends_with("count")) return [](int, int, int, float) { return 1.0f; };
+        if (!input.ends_with("histogram")) return {};
+        // One whole sample in one bin of each channel, and the count.
+        return [](int c, int x, int y, float) {
+            return c == 60 || (c < 60 && c % 20 == (x + y) % 20) ? 1.0f : 0.0f;
+        };
+    });
+    by_input("two samples a pixel", [](const std::string& input) -> PixelChange {
+        if (input.ends_with("count")) return [](int, int, int, float) { return 2.0f; };
+        if (!input.ends_with("histogram")) return {};
+        return [](int c, int x, int y, float) {
+            return c == 60                                              ? 2.0f
+                   : (c % 20 == (x + y) % 20 || c % 20 == (x + 7) % 20) ? 1.0f
+                                                                        : 0.0f;
+        };
+    });
+    by_input("no samples", [](const std::string& input) -> PixelChange {
+        if (!counts_something(input)) return {};
+        return [](int, int, int, float) { return 0.0f; };
+    });
+    by_input("a histogram and a count that do not agree",
+             [](const std::string& input) -> PixelChange {
+                 if (!counts_something(input)) return {};
+                 return [](int c, int x, int, float v) {
+                     return x % 3 == 0 ? -v : c % 2 == 0 ? 1e7f : v;
+                 };
+             });
+    cases.push_back(with_list_of(1, window));
+    cases.push_back(with_list_of(2, window));
+
+    cases.push_back(with_window("1 x 1", {0, 0, 1, 1}));
+    cases.push_back(with_window("2 x 2", {0, 0, 2, 2}));
+    cases.push_back(with_window("1 x N", {0, 0, 1, side}));
+    cases.push_back(with_window("N x 1", {0, 0, side, 1}));
+    cases.push_back(with_window("3 x 5, smaller than any window", {0, 0, 3, 5}));
+    cases.push_back(with_window("a negative origin", {-side - 3, -side - 1, -3, -5}));
+    for (const int far : {1 << 27, 1 << 30}) {
+        const std::string where = "an origin at " + std::to_string(far);
+        cases.push_back(with_window(where, {far, far - 9, far + half, far - 9 + half}));
+        cases.push_back(with_window("-" + where, {-far, -far, half - far, half - far}));
+    }
+
+    cases.push_back(with_channels("one channel", window, {"Y"}));
+    cases.push_back(with_channels("two channels", window, {"Y", "A"}));
+    cases.push_back(with_channels("five channels", window, {"R", "G", "B", "A", "Z"}));
+    cases.push_back(with_odd_one_out("one image is smaller", window, {0, 0, half, half}));
+    cases.push_back(with_odd_one_out("one image lies elsewhere", window,
+                                     {side, side, side + half, side + half}));
+    return cases;
+}
+
+} // namespace rayloom::test

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+/// \file
+/// Input no renderer should hand over and every renderer has: made from plausible input, so that
+/// any graph can be given it.
+#pragma once
+
+#include "rayloom/engine/request.h"
+#include "rayloom/graph/model.h"
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace rayloom::test
+{
+
+/// What may be asked of the output of a hostile case.
+enum class Demand {
+    finite, ///< every pixel finite, or a typed error
+    no_nan, ///< squares of the values are no floats: infinity where that is the right value, no NaN
+    anything, ///< even sums of two values are no floats: no crash, and the same in every way
+    confined  ///< NaN or infinity went in: out of a graph nothing of it comes, and in what a node
+             ///< makes of it the corner farthest away is still finite
+};
+
+struct HostileCase {
+    std::string name;
+    Demand demand = Demand::finite;
+    std::function<RunRequest(const Graph&)> request;
+};
+
+/// Every kind of hostile input, on images of about `side` pixels.
+std::vector<HostileCase> hostile_cases(int side);
+
+/// Replaces every image of a request by what `change` makes of a copy of it.
+void change_images(
+    RunRequest& request,
+    const std::function<void(const std::string& input, std::size_t element, MemoryImage&)>& change);
+
+/// Sets every pixel: value(channel, x, y, what it was).
+void set_pixels(MemoryImage& image, const std::function<float(int, int, int, float)>& value);
+
+} // namespace rayloom::test

@@ -1,0 +1,113 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Breaks each kernel in the small ways mutants.txt lists, one at a time, and runs the tests that must
+notice. What they let pass is a gap in the tests.
+
+Usage: mutants.py [--build BUILD] [--jobs N] [--list] [NODE...]
+Sources are changed in place and put back, also after Ctrl-C; they must be as in git before."""
+
+import argparse
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import time
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+
+
+class Mutant:
+    def __init__(self, node, tests, kind, file, old, new):
+        self.node, self.tests, self.kind, self.file, self.old, self.new = node, tests, kind, file, old, new
+
+    def __str__(self):
+        return f"{self.node} {self.kind}"
+
+
+def read_list():
+    mutants, node, tests, kind, file, old = [], None, None, None, None, None
+    for line in (SOURCE / "tests/stress/mutants.txt").read_text().splitlines():
+        if header := re.fullmatch(r"\[(\S+)\] tests: (\S+)", line):
+            node, tests = header.groups()
+        elif line.startswith("- "):
+            old = line[2:]
+        elif line.startswith("+ "):
+            mutants.append(Mutant(node, tests, kind, file, old, line[2:]))
+        elif what := re.fullmatch(r"(\w+): (\S+)", line):
+            kind, file = what.groups()
+        elif line.strip() and not line.startswith("#"):
+            sys.exit(f"mutants.txt: cannot read: {line}")
+    return mutants
+
+
+def pattern_of(text):
+    """The text with any white space where it has some, so that formatting does not matter."""
+    return re.compile(r"\s+".join(re.escape(word) for word in text.split()))
+
+
+def build(folder, jobs):
+    return subprocess.run(["ninja", "-C", str(folder), f"-j{jobs}", "rayloom"], capture_output=True, text=True)
+
+
+def judge(mutant, folder, jobs):
+    """'caught', or what went otherwise."""
+    path = SOURCE / mutant.file
+    whole = path.read_text()
+    found = pattern_of(mutant.old).findall(whole)
+    if len(found) != 1:
+        return f"STALE: the line is there {len(found)} times"
+    try:
+        path.write_text(pattern_of(mutant.old).sub(lambda _: mutant.new, whole))
+        built = build(folder, jobs)
+        if built.returncode != 0:
+            return "DOES NOT COMPILE: " + " ".join(re.findall(r"error: .*", built.stdout)[:1])
+        try:
+            tests = subprocess.run([str(folder / "bin/rayloom_tests"), "--gtest_brief=1", "--gtest_fail_fast",
+                                    f"--gtest_filter={mutant.tests}"], capture_output=True, text=True, timeout=900)
+        except subprocess.TimeoutExpired:
+            return "caught (by never ending)"
+        if "0 tests from 0 test suites" in tests.stdout:
+            return "NO TESTS: " + mutant.tests
+        if tests.returncode == 0:
+            return "SURVIVED"
+        first = re.search(r"FAILED  \] (\S+)", tests.stdout)
+        return f"caught by {first.group(1)}" if first else f"caught (exit code {tests.returncode})"
+    finally:
+        path.write_text(whole)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("nodes", nargs="*", metavar="NODE")
+    parser.add_argument("--build", default="build")
+    parser.add_argument("--jobs", default="2")
+    parser.add_argument("--list", action="store_true")
+    arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(130))
+    mutants = [m for m in read_list() if not arguments.nodes or m.node in arguments.nodes]
+    if arguments.list:
+        for m in mutants:
+            print(f"{m}: {m.file}: {m.old}")
+        return 0
+    files = sorted({m.file for m in mutants})
+    changed = subprocess.run(["git", "-C", str(SOURCE), "status", "--porcelain", "--", *files],
+                             capture_output=True, text=True).stdout
+    if changed:
+        sys.exit("these are not as in git:\n" + changed)
+    folder = SOURCE / arguments.build
+    missed = 0
+    try:
+        for m in mutants:
+            begin = time.monotonic()
+            verdict = judge(m, folder, arguments.jobs)
+            missed += not verdict.startswith("caught")
+            print(f"{m}: {verdict} ({time.monotonic() - begin:.0f} s)", flush=True)
+    finally:
+        build(folder, arguments.jobs)
+    print(f"{len(mutants)} mutants, {missed} not caught")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
