@@ -20,7 +20,7 @@ enum class Demand {
     no_nan, ///< squares of the values are no floats: infinity where that is the right value, no NaN
     anything, ///< even sums of two values are no floats: no crash, and the same in every way
     confined  ///< NaN or infinity went in: out of a graph nothing of it comes, and in what a node
-             ///< makes of it the corner farthest away is still finite
+              ///< makes of it the corner farthest away is still finite
 };
 
 struct HostileCase {

@@ -114,7 +114,7 @@ const std::map<std::string, std::string> spreads_nan{
                  "threshold.sanitize at the door, and squares that overflow make NaN inside"}};
 
 /// Graphs that are nodes of others, which have the door.
-const std::set<std::string> inner_graphs{"nlm-first-step"};
+const std::set<std::string> inner_graphs{"nlm-first-step", "nlm-image"};
 
 bool uses(const Graph& graph, const std::map<std::string, std::string>& nodes)
 {
