@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <numeric>
 
 namespace rayloom::oiio
 {
@@ -12,6 +13,13 @@ namespace
 /// Pixels a call of ImageBufAlgo may read, each as often as it is read: about a tenth of a second
 /// of sorting for a median.
 constexpr std::size_t reads_at_once = std::size_t{1} << 22;
+
+std::vector<int> all_channels(int count)
+{
+    std::vector<int> channels(static_cast<std::size_t>(count));
+    std::iota(channels.begin(), channels.end(), 0);
+    return channels;
+}
 
 } // namespace
 
@@ -37,36 +45,48 @@ OIIO::ImageBuf empty_imagebuf(const ImageDesc& image, const Region& part)
 
 OIIO::ImageBuf to_imagebuf(const ConstImageView& view, const ImageDesc& image)
 {
+    return to_imagebuf(view, all_channels(view.channels()), image);
+}
+
+OIIO::ImageBuf to_imagebuf(const ConstImageView& view, std::span<const int> channels,
+                           const ImageDesc& image)
+{
     OIIO::ImageBuf buffer = empty_imagebuf(image, view.region());
     const Region& region = view.region();
-    const auto channels = static_cast<std::ptrdiff_t>(view.channels());
+    const auto count = static_cast<std::ptrdiff_t>(channels.size());
     const std::ptrdiff_t width = region.width();
     auto* pixels = static_cast<float*>(buffer.localpixels());
-    for (int y = region.y0; y < region.y1; ++y, pixels += channels * width)
-        for (int c = 0; c < view.channels(); ++c) {
-            const float* from = view.row(c, y);
+    for (int y = region.y0; y < region.y1; ++y, pixels += count * width)
+        for (std::ptrdiff_t c = 0; c < count; ++c) {
+            const float* from = view.row(channels[static_cast<std::size_t>(c)], y);
             float* to = pixels + c;
-            for (std::ptrdiff_t x = 0; x < width; ++x) to[x * channels] = from[x];
+            for (std::ptrdiff_t x = 0; x < width; ++x) to[x * count] = from[x];
         }
     return buffer;
 }
 
 void from_imagebuf(const OIIO::ImageBuf& buffer, const ImageView& out)
 {
-    if (buffer.has_error() || buffer.nchannels() != out.channels() ||
+    from_imagebuf(buffer, out, all_channels(out.channels()));
+}
+
+void from_imagebuf(const OIIO::ImageBuf& buffer, const ImageView& out,
+                   std::span<const int> channels)
+{
+    const auto count = static_cast<std::ptrdiff_t>(channels.size());
+    if (buffer.has_error() || buffer.nchannels() != count ||
         buffer.spec().format != OIIO::TypeDesc::FLOAT || !buffer.localpixels())
         throw Error("OpenImageIO: " + (buffer.has_error()
                                            ? buffer.geterror()
                                            : std::string("the result is not what was asked for")));
     const Region& region = out.region();
-    const auto channels = static_cast<std::ptrdiff_t>(out.channels());
     const std::ptrdiff_t width = region.width();
     for (int y = region.y0; y < region.y1; ++y) {
         const auto* pixels = static_cast<const float*>(buffer.pixeladdr(region.x0, y));
-        for (int c = 0; c < out.channels(); ++c) {
+        for (std::ptrdiff_t c = 0; c < count; ++c) {
             const float* from = pixels + c;
-            float* to = out.row(c, y);
-            for (std::ptrdiff_t x = 0; x < width; ++x) to[x] = from[x * channels];
+            float* to = out.row(channels[static_cast<std::size_t>(c)], y);
+            for (std::ptrdiff_t x = 0; x < width; ++x) to[x] = from[x * count];
         }
     }
 }
@@ -124,20 +144,11 @@ Compute on_channels(const ImageDesc& image, std::vector<int> channels, OnImageBu
             for (int y = region.y0; y < region.y1; ++y)
                 std::memcpy(out.row(c, y), view.row(c, y), row_bytes);
 
-        ImageBuffer picked(region, part.channel_count());
-        for (int i = 0; i < part.channel_count(); ++i)
-            for (int y = region.y0; y < region.y1; ++y)
-                std::memcpy(picked.view().row(i, y),
-                            view.row(channels[static_cast<std::size_t>(i)], y), row_bytes);
         OIIO::ImageBuf result = empty_imagebuf(part, region);
-        if (!function(result, to_imagebuf(picked.view(), part),
+        if (!function(result, to_imagebuf(view, channels, part),
                       roi_of(region, part.channel_count())))
             throw Error("OpenImageIO: " + result.geterror());
-        from_imagebuf(result, picked.view());
-        for (int i = 0; i < part.channel_count(); ++i)
-            for (int y = region.y0; y < region.y1; ++y)
-                std::memcpy(out.row(channels[static_cast<std::size_t>(i)], y),
-                            picked.view().row(i, y), row_bytes);
+        from_imagebuf(result, out, channels);
     };
 }
 

@@ -8,6 +8,7 @@
 #include <OpenImageIO/imagebuf.h>
 
 #include <functional>
+#include <span>
 
 namespace rayloom::oiio
 {
@@ -23,10 +24,16 @@ OIIO::ImageBuf empty_imagebuf(const ImageDesc& image, const Region& part);
 /// and alpha channel are the image's, so that OpenImageIO treats the image's borders as it would
 /// on the whole image.
 OIIO::ImageBuf to_imagebuf(const ConstImageView& view, const ImageDesc& image);
+/// The same of some channels; `image` describes an image of these alone.
+OIIO::ImageBuf to_imagebuf(const ConstImageView& view, std::span<const int> channels,
+                           const ImageDesc& image);
 
 /// Copies the pixels of `out.region()` into the view. Throws Error with OpenImageIO's text when
 /// the ImageBuf has an error or another number of channels.
 void from_imagebuf(const OIIO::ImageBuf& buffer, const ImageView& out);
+/// The same into some channels; the others stay as they are.
+void from_imagebuf(const OIIO::ImageBuf& buffer, const ImageView& out,
+                   std::span<const int> channels);
 
 /// A call of ImageBufAlgo: fills `roi` of `result` and tells whether it went well.
 using OnImageBuf =
