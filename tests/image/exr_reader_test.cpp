@@ -52,7 +52,7 @@ float expected(const Part& part, int index, int channel, int x, int y)
 
 TEST(ImageFile, LayersWithSpacesAndSeveralDots)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_exr(folder.file("a.exr"), {{"", cycles_channels}});
     const auto file = ImageFile::open(folder.file("a.exr"));
     ASSERT_EQ(file->layers().size(), 5u);
@@ -75,7 +75,7 @@ TEST(ImageFile, LayersWithSpacesAndSeveralDots)
 
 TEST(ImageFile, PartNamesArePartOfTheAddress)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     const std::vector<Channel> rgb = {{"R"}, {"G"}, {"B"}};
     write_exr(folder.file("a.exr"), {{"beauty", rgb},
                                      {"spec", rgb},
@@ -99,7 +99,7 @@ TEST(ImageFile, PartNamesArePartOfTheAddress)
 
 TEST(ImageFile, ViewsAreNotPasses)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     Part part{"", {{"R"}, {"diffuse.R"}, {"diffuse.right.R"}, {"right.R"}}};
     part.header = [](OIIO::ImageSpec& spec) {
         const OIIO::ustring views[] = {OIIO::ustring("left"), OIIO::ustring("right")};
@@ -116,7 +116,7 @@ TEST(ImageFile, ViewsAreNotPasses)
 
 TEST(ImageReader, MixedTypesNegativeOriginsEveryCompression)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     for (const char* compression : {"none", "rle", "zips", "zip", "piz"})
         for (const bool tiled : {false, true}) {
             Part part{"", cycles_channels, -7, -11, 45, 83, -2, -3, 30, 40};
@@ -154,7 +154,7 @@ TEST(ImageReader, MixedTypesNegativeOriginsEveryCompression)
 
 TEST(ImageReader, ThreadsTakeTurns)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     const Part part{"", {{"R"}, {"G"}, {"B"}}, 0, 0, 64, 200};
     write_exr(folder.file("a.exr"), {part});
     const auto file = ImageFile::open(folder.file("a.exr"));
@@ -172,7 +172,7 @@ TEST(ImageReader, ThreadsTakeTurns)
 
 TEST(ImageReader, AlphaZeroKeepsItsColour)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_float(folder.file("a.exr"), 4, 4, {"R", "G", "B", "A"},
                 [](int, int, int c) { return c == 3 ? 0.0f : 2.5f; });
     const auto file = ImageFile::open(folder.file("a.exr"));
@@ -185,7 +185,7 @@ TEST(ImageReader, AlphaZeroKeepsItsColour)
 
 TEST(ImageReader, OtherFormats)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     for (const char* name : {"a.tif", "a.png", "a.ppm"}) {
         const std::string path = folder.file(name);
         OIIO::ImageSpec spec(9, 7, 3, OIIO::TypeUInt16);
@@ -204,7 +204,7 @@ TEST(ImageReader, OtherFormats)
 
 TEST(ImageReader, TruncatedAnywhereIsAnErrorNeverACrash)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     Part tiled{"t", {{"R"}, {"G"}}, 0, 0, 60, 90};
     tiled.tile_width = tiled.tile_height = 16;
     for (const std::vector<Part>& parts :
@@ -231,7 +231,7 @@ TEST(ImageReader, TruncatedAnywhereIsAnErrorNeverACrash)
 // Headers with single bytes changed: an error or an image, never a crash or a huge allocation.
 TEST(ImageReader, DamagedHeaders)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_exr(folder.file("whole.exr"), {{"", {{"R"}, {"G"}}, 0, 0, 20, 20}});
     const std::vector<char> whole = bytes_of(folder.file("whole.exr"));
     std::size_t refused = 0;
@@ -254,7 +254,7 @@ TEST(ImageReader, DamagedHeaders)
 
 TEST(ImageReader, MissingFilesAndOtherThings)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     const auto open = [&](const std::string& name) {
         return message_of([&] { ImageFile::open(folder.file(name)); });
     };
@@ -268,7 +268,7 @@ TEST(ImageReader, MissingFilesAndOtherThings)
 
 TEST(ImageReader, FileReplacedBetweenPlanAndRead)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_exr(folder.file("a.exr"), {{"", {{"R"}}}});
     const auto file = ImageFile::open(folder.file("a.exr"));
     const ImageReader reader(file, find(*file, ""));
@@ -279,7 +279,7 @@ TEST(ImageReader, FileReplacedBetweenPlanAndRead)
 
 TEST(ImageReader, DeepRows)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     for (const int tile : {0, 16}) {
         OIIO::ImageSpec spec(21, 35, 3, OIIO::TypeFloat);
         spec.channelnames = {"A", "Z", "id"};
@@ -326,7 +326,7 @@ TEST(ImageReader, DeepRows)
 
 TEST(ImageReader, ContentKeyFollowsTheBytes)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     std::ofstream(folder.file("a")) << "one";
     std::ofstream(folder.file("b")) << "one";
     std::ofstream(folder.file("c")) << "two";

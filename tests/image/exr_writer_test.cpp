@@ -90,7 +90,7 @@ std::vector<std::byte> channel_bits(const std::string& path, int part, const std
 
 TEST(ImageWriter, KeepsWindowsTypesAndMetadata)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     Part part{"", {{"L.R"}, {"L.G"}, {"L.B", OIIO::TypeFloat}}, -3, -4, 21, 37, -1, -2, 15, 30};
     part.compression = "piz";
     part.header = [](OIIO::ImageSpec& spec) {
@@ -125,7 +125,7 @@ TEST(ImageWriter, KeepsWindowsTypesAndMetadata)
 
 TEST(ImageWriter, TheSameBytesWhateverTheBands)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     const Image image = ramp_image({0, 0, 40, 71}, {"R", "G", "B"});
     std::vector<char> first;
     for (const int rows : {71, 1, 16, 33}) {
@@ -142,7 +142,7 @@ TEST(ImageWriter, TheSameBytesWhateverTheBands)
 
 TEST(ImageWriter, CountsWhatHalfCannotHold)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     Image image = ramp_image({0, 0, 8, 8}, {"R", "G", "B"});
     image.pixels.view().at(0, 1, 1) = 1e6f;
     image.pixels.view().at(1, 2, 2) = -70000.0f;
@@ -173,7 +173,7 @@ const std::vector<Channel> render_channels = {{"V.Combined.R"},
 // The promise of the template: all but the written layer is bit for bit what it was, NaNs included.
 TEST(ImageWriter, TemplateKeepsEveryOtherBit)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     for (const int tile : {0, 16})
         for (const char* compression : {"zip", "dwaa", "none"}) {
             Part a{"main", render_channels, -5, 3, 50, 70};
@@ -225,7 +225,7 @@ TEST(ImageWriter, TemplateKeepsEveryOtherBit)
 
 TEST(ImageWriter, TemplateAddsALayerAndOverwritesItself)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_exr(folder.file("a.exr"), {{"", render_channels}});
     const auto before = channel_bits(folder.file("a.exr"), 0, "V.AO.R");
     const Image image = ramp_image({0, 0, 20, 37}, {"R", "G", "B"});
@@ -240,7 +240,7 @@ TEST(ImageWriter, TemplateAddsALayerAndOverwritesItself)
 
 TEST(ImageWriter, TemplateIsCroppedToTheImage)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_exr(folder.file("in.exr"), {{"", render_channels, -5, 3, 50, 70}}, true);
     ImageDesc desc = layer_desc(folder.file("in.exr"), "Combined", "R,G,B");
     desc.data = {2, 10, 12, 40};
@@ -265,7 +265,7 @@ TEST(ImageWriter, TemplateIsCroppedToTheImage)
 // Scanlines, tiles and deep samples in one file: structure OpenImageIO itself does not write.
 TEST(ImageWriter, TemplateKeepsDeepAndTiledParts)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     const std::string path = folder.file("in.exr");
     {
         Imf::Header flat(20, 30), tiled(20, 30), deep(20, 30);
@@ -335,7 +335,7 @@ TEST(ImageWriter, TemplateKeepsDeepAndTiledParts)
 
 TEST(ImageWriter, NothingIsLeftUnlessCommitted)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     std::ofstream(folder.file("a.exr")) << "earlier";
     const Image image = ramp_image({0, 0, 64, 64}, {"R"});
     {
@@ -359,7 +359,7 @@ TEST(ImageWriter, NothingIsLeftUnlessCommitted)
 
 TEST(ImageWriter, PlacesThatCannotBeWritten)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     std::ofstream(folder.file("file")) << "x";
     std::filesystem::create_directory(folder.file("dir.exr"));
     const ImageDesc desc = ramp_image({0, 0, 4, 4}, {"R"}).desc;
@@ -405,7 +405,7 @@ private:
 
 TEST(ImageWriter, DiskFull)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_exr(folder.file("in.exr"), {{"", {{"R"}, {"G"}}, 0, 0, 500, 700}}, true);
     const Image image = ramp_image({0, 0, 500, 700}, {"R"});
     for (const char* name : {"a.exr", "a.tif", "a.png", "merged.exr"}) {
@@ -430,7 +430,7 @@ TEST(ImageWriter, DiskFull)
 
 TEST(ImageWriter, OtherFormatsKeepValues)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     Image image = ramp_image({0, 0, 10, 10}, {"R", "G", "B", "A"});
     for (int c = 0; c < 4; ++c)
         for (int y = 0; y < 10; ++y)
@@ -451,7 +451,7 @@ TEST(ImageWriter, OtherFormatsKeepValues)
 
 TEST(ImageWriter, LinksAndPermissionsStay)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     std::ofstream(folder.file("real.exr")) << "earlier";
     ::chmod(folder.file("real.exr").c_str(), 0640);
     std::filesystem::create_symlink("real.exr", folder.file("link.exr"));

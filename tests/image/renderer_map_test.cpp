@@ -26,7 +26,7 @@ std::vector<Channel> channels(const std::vector<std::string>& names)
 std::string resolved(const std::vector<std::string>& names, const std::string& role,
                      std::string* renderer = nullptr)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_exr(folder.file("a.exr"), {{"", channels(names), 0, 0, 4, 4}});
     const auto file = ImageFile::open(folder.file("a.exr"));
     const auto maps = read_renderer_maps(maps_folder);

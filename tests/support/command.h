@@ -3,6 +3,8 @@
 /// Running programs from tests.
 #pragma once
 
+#include "tests/support/temporary_folder.h"
+
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -41,22 +43,6 @@ public:
 
 private:
     int m_process = -1, m_listening = -1;
-};
-
-/// A folder that is empty at first and gone at the end.
-class TemporaryFolder
-{
-public:
-    TemporaryFolder();
-    ~TemporaryFolder();
-    TemporaryFolder(const TemporaryFolder&) = delete;
-    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-    const std::filesystem::path& path() const { return m_path; }
-    /// Names of everything in it, sorted.
-    std::vector<std::string> names() const;
-
-private:
-    std::filesystem::path m_path;
 };
 
 } // namespace rayloom::test

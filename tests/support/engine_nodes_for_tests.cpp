@@ -17,6 +17,25 @@ namespace
 struct NoParams {
 };
 
+/// Sets every value of a view to value(channel, x, y).
+template <class Value>
+void fill(const ImageView& out, const Value& value)
+{
+    const Region& r = out.region();
+    for (int y = r.y0; y < r.y1; ++y)
+        for (int ch = 0; ch < out.channels(); ++ch)
+            for (int x = r.x0; x < r.x1; ++x) out.at(ch, x, y) = value(ch, x, y);
+}
+
+/// Sum of the pixels of a region.
+float sum_of(const ConstImageView& in, int channel, const Region& r)
+{
+    float sum = 0.0f;
+    for (int y = r.y0; y < r.y1; ++y)
+        for (int x = r.x0; x < r.x1; ++x) sum += in.at(channel, x, y);
+    return sum;
+}
+
 class Gain final : public Node
 {
 public:
@@ -38,12 +57,8 @@ public:
     }
     void compute(const TileContext& c) const override
     {
-        const ImageView out = c.output("image");
         const ConstImageView in = c.input("image");
-        for (int y = c.region().y0; y < c.region().y1; ++y)
-            for (int ch = 0; ch < out.channels(); ++ch)
-                for (int x = c.region().x0; x < c.region().x1; ++x)
-                    out.at(ch, x, y) = in.at(ch, x, y) * m.factor;
+        fill(c.output("image"), [&](int ch, int x, int y) { return in.at(ch, x, y) * m.factor; });
     }
 
 private:
@@ -72,18 +87,11 @@ public:
     }
     void compute(const TileContext& c) const override
     {
-        const ImageView out = c.output("image");
-        const ConstImageView in = c.input("image");
-        for (int y = c.region().y0; y < c.region().y1; ++y)
-            for (int ch = 0; ch < out.channels(); ++ch)
-                for (int x = c.region().x0; x < c.region().x1; ++x) {
-                    const Region w =
-                        Region{x, y, x + 1, y + 1}.grown(Halo::all(m.radius)).intersect(m_window);
-                    float sum = 0.0f;
-                    for (int v = w.y0; v < w.y1; ++v)
-                        for (int u = w.x0; u < w.x1; ++u) sum += in.at(ch, u, v);
-                    out.at(ch, x, y) = sum / static_cast<float>(w.pixels());
-                }
+        fill(c.output("image"), [&](int ch, int x, int y) {
+            const Region w =
+                Region{x, y, x + 1, y + 1}.grown(Halo::all(m.radius)).intersect(m_window);
+            return sum_of(c.input("image"), ch, w) / static_cast<float>(w.pixels());
+        });
     }
 
 private:
@@ -123,18 +131,11 @@ public:
     }
     void compute(const TileContext& c) const override
     {
-        const ImageView out = c.output("levels");
-        const ConstImageView in = c.input("image");
-        for (int y = c.region().y0; y < c.region().y1; ++y)
-            for (int ch = 0; ch < out.channels(); ++ch)
-                for (int x = c.region().x0; x < c.region().x1; ++x) {
-                    const Region w = source({x, y, x + 1, y + 1}, static_cast<int>(c.element()))
-                                         .intersect(m_window);
-                    float sum = 0.0f;
-                    for (int v = w.y0; v < w.y1; ++v)
-                        for (int u = w.x0; u < w.x1; ++u) sum += in.at(ch, u, v);
-                    out.at(ch, x, y) = sum / static_cast<float>(w.pixels());
-                }
+        fill(c.output("levels"), [&](int ch, int x, int y) {
+            const Region w =
+                source({x, y, x + 1, y + 1}, static_cast<int>(c.element())).intersect(m_window);
+            return sum_of(c.input("image"), ch, w) / static_cast<float>(w.pixels());
+        });
     }
 
 private:
@@ -187,10 +188,8 @@ public:
         const auto mean = static_cast<float>(
             m_sum /
             static_cast<double>(m_window.pixels() * static_cast<std::size_t>(out.channels())));
-        for (int y = c.region().y0; y < c.region().y1; ++y)
-            for (int ch = 0; ch < out.channels(); ++ch)
-                for (int x = c.region().x0; x < c.region().x1; ++x)
-                    out.at(ch, x, y) = c.input("image").at(ch, x, y) - mean;
+        const ConstImageView in = c.input("image");
+        fill(out, [&](int ch, int x, int y) { return in.at(ch, x, y) - mean; });
     }
 
 private:
@@ -214,11 +213,8 @@ public:
     void compute(const TileContext& c) const override
     {
         const auto by = static_cast<float>(c.table("figures").number("sum"));
-        const ImageView out = c.output("image");
-        for (int y = c.region().y0; y < c.region().y1; ++y)
-            for (int ch = 0; ch < out.channels(); ++ch)
-                for (int x = c.region().x0; x < c.region().x1; ++x)
-                    out.at(ch, x, y) = c.input("image").at(ch, x, y) + by;
+        const ConstImageView in = c.input("image");
+        fill(c.output("image"), [&](int ch, int x, int y) { return in.at(ch, x, y) + by; });
     }
 };
 
@@ -244,10 +240,8 @@ public:
     }
     void compute(const TileContext& c) const override
     {
-        for (int y = c.region().y0; y < c.region().y1; ++y)
-            for (int ch = 0; ch < c.output("image").channels(); ++ch)
-                for (int x = c.region().x0; x < c.region().x1; ++x)
-                    c.output("image").at(ch, x, y) = c.input("image").at(ch, x, mirror(y));
+        const ConstImageView in = c.input("image");
+        fill(c.output("image"), [&](int ch, int x, int y) { return in.at(ch, x, mirror(y)); });
     }
 
 private:
@@ -269,14 +263,12 @@ public:
     void plan(PlanContext& c) override { c.output("image", c.input("images")); }
     void compute(const TileContext& c) const override
     {
-        for (int y = c.region().y0; y < c.region().y1; ++y)
-            for (int ch = 0; ch < c.output("image").channels(); ++ch)
-                for (int x = c.region().x0; x < c.region().x1; ++x) {
-                    float sum = 0.0f;
-                    for (std::size_t i = 0; i < c.count("images"); ++i)
-                        sum += c.input("images", i).at(ch, x, y);
-                    c.output("image").at(ch, x, y) = sum;
-                }
+        fill(c.output("image"), [&](int ch, int x, int y) {
+            float sum = 0.0f;
+            for (std::size_t i = 0; i < c.count("images"); ++i)
+                sum += c.input("images", i).at(ch, x, y);
+            return sum;
+        });
     }
 };
 

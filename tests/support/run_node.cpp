@@ -10,6 +10,9 @@ namespace rayloom::test
 namespace
 {
 
+/// What is in an output before the node fills it, so that a pixel it forgets stands out.
+constexpr float never_filled = -12345.0f;
+
 class Services final : public RunServices
 {
 public:
@@ -146,8 +149,10 @@ NodeRun run_node(std::string_view op, const ParamValues& params,
     for (const auto& [port, descs] : run.plan.outputs) {
         if (!wanted(port)) continue;
         elements = std::max(elements, descs.size());
-        for (const ImageDesc& desc : descs)
+        for (const ImageDesc& desc : descs) {
             run.outputs[port].push_back({desc, ImageBuffer(desc.data, desc.channel_count())});
+            run.outputs[port].back().pixels.fill(never_filled);
+        }
     }
     for (std::size_t element = 0; element < elements; ++element) {
         const Region data = run.outputs.begin()->second[element].desc.data;

@@ -6,30 +6,9 @@
 #include <cmath>
 #include <cstdint>
 #include <random>
-#include <stdexcept>
 
 namespace rayloom::node_test
 {
-namespace
-{
-
-class Services final : public RunServices
-{
-public:
-    explicit Services(NodeRun& run) : m_run(&run) {}
-    bool cancelled() const noexcept override { return false; }
-    bool may_skip() const noexcept override { return true; }
-    void count_skip(std::string_view, std::size_t) override {}
-    void count(std::string_view what, std::size_t n) override
-    {
-        m_run->counts[std::string(what)] += n;
-    }
-
-private:
-    NodeRun* m_run;
-};
-
-} // namespace
 
 TestImagePtr random_image(const Region& data, const Region& display,
                           std::vector<std::string> channels, unsigned seed)
@@ -58,80 +37,23 @@ TestImagePtr random_image(const Region& data, const Region& display,
 NodeRun run_node(std::string_view op, const ParamValues& params, const TestInputs& inputs,
                  int tile_width, int tile_height)
 {
-    const NodeInfo* info = Registry::instance().find(op);
-    if (!info) throw std::runtime_error("no node " + std::string(op));
-    ParamValues checked;
-    for (const auto& [name, value] : params) {
-        const ParamInfo* param = info->param(name);
-        if (!param) throw std::runtime_error("no parameter " + name);
-        checked[name] = check_param(*param, value);
+    std::vector<test::NodeInput> given;
+    for (const auto& [port, images] : inputs) {
+        test::NodeInput in;
+        in.port = port;
+        for (const TestImagePtr& image : images) in.images.push_back(image.get());
+        given.push_back(std::move(in));
     }
-    const std::unique_ptr<Node> node = info->create(checked);
-
-    std::map<std::string, PlannedInput, std::less<>> planned;
-    for (const PortInfo& port : info->inputs) {
-        PlannedInput& in = planned[port.name];
-        in.kind = port.kind;
-        if (const auto it = inputs.find(port.name); it != inputs.end()) {
-            in.connected = true;
-            for (const TestImagePtr& image : it->second) in.images.push_back(image->desc);
-        } else if (port.required) {
-            throw std::runtime_error("input " + port.name + " is missing");
-        }
-    }
-    PlanContext plan(planned);
-    node->plan(plan);
-
+    test::RunOptions options;
+    if (tile_width > 0) options.tile_width = tile_width;
+    if (tile_height > 0) options.tile_height = tile_height;
+    test::NodeRun result = test::run_node(op, params, given, options);
     NodeRun run;
-    run.plan = plan.result();
-    Services services(run);
-    const auto& first_descs = run.plan.outputs.begin()->second;
-    for (std::size_t element = 0; element < first_descs.size(); ++element) {
-        std::map<std::string, std::shared_ptr<TestImage>> results;
-        for (const auto& [port, descs] : run.plan.outputs) {
-            auto image = std::make_shared<TestImage>();
-            image->desc = descs[element];
-            image->pixels = ImageBuffer(image->desc.data, image->desc.channel_count());
-            image->pixels.fill(-12345.0f);
-            results[port] = image;
-            run.outputs[port].push_back(image);
-        }
-        const Region all = first_descs[element].data;
-        const int tw = tile_width > 0 ? tile_width : all.width();
-        const int th = tile_height > 0 ? tile_height : all.height();
-        for (int y = all.y0; y < all.y1; y += th)
-            for (int x = all.x0; x < all.x1; x += tw) {
-                const Region region = Region{x, y, x + tw, y + th}.intersect(all);
-                // Copies of just the needed pixels: a read beyond them is out of bounds.
-                std::vector<std::vector<ConstImageView>> views;
-                std::vector<ImageBuffer> copies;
-                std::vector<TileContext::Input> tile_inputs;
-                views.reserve(inputs.size());
-                for (const auto& [port, images] : inputs) {
-                    views.emplace_back();
-                    const auto need = run.plan.needs.find(port);
-                    for (std::size_t i = 0; i < images.size(); ++i) {
-                        const Region wanted =
-                            (need == run.plan.needs.end() ? region
-                                                          : need->second({i, element, region}))
-                                .intersect(images[i]->desc.data);
-                        if (wanted.empty()) {
-                            views.back().emplace_back();
-                            continue;
-                        }
-                        ImageBuffer copy(wanted, images[i]->desc.channel_count());
-                        copy_pixels(images[i]->pixels.view().crop(wanted), copy.view());
-                        views.back().push_back(copy.view());
-                        copies.push_back(std::move(copy));
-                    }
-                    tile_inputs.push_back({port, views.back(), {}, nullptr});
-                }
-                std::vector<TileContext::Output> tile_outputs;
-                for (const auto& [port, image] : results)
-                    tile_outputs.push_back({port, image->pixels.view().crop(region)});
-                node->compute(TileContext(region, element, tile_inputs, tile_outputs, services));
-            }
-    }
+    run.plan = std::move(result.plan);
+    run.counts = std::move(result.counted);
+    for (auto& [port, images] : result.outputs)
+        for (TestImage& image : images)
+            run.outputs[port].push_back(std::make_shared<const TestImage>(std::move(image)));
     return run;
 }
 

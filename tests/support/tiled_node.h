@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// \file
-/// Runs one node without a graph: plans it, cuts each tile's inputs to what plan() said it needs,
-/// and calls compute().
+/// run_node() on shared images, random images, and a comparison that tells the first difference.
 #pragma once
 
-#include "rayloom/core/registry.h"
+#include "tests/support/run_node.h"
 
 #include <map>
 #include <memory>
@@ -14,11 +13,7 @@
 namespace rayloom::node_test
 {
 
-/// A described image with its pixels.
-struct TestImage {
-    ImageDesc desc;
-    ImageBuffer pixels;
-};
+using test::TestImage;
 using TestImagePtr = std::shared_ptr<const TestImage>;
 using TestInputs = std::map<std::string, std::vector<TestImagePtr>, std::less<>>;
 
@@ -34,8 +29,8 @@ struct NodeRun {
     std::map<std::string, std::size_t, std::less<>> counts;
 };
 
-/// Plans and runs a registered node. A tile size of 0 × 0 means the whole image at once. Aliases
-/// and constants are computed like everything else. Throws what the node throws.
+/// test::run_node() on inputs by port; a tile size of 0 × 0 means the whole image at once. Aliases
+/// and constants are computed like everything else.
 NodeRun run_node(std::string_view op, const ParamValues& params, const TestInputs& inputs,
                  int tile_width = 0, int tile_height = 0);
 

@@ -9,7 +9,7 @@ using namespace test;
 
 TEST(IoReadDeep, Rows)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     OIIO::ImageSpec spec(5, 4, 2, OIIO::TypeFloat);
     spec.channelnames = {"A", "Z"};
     spec.deep = true;

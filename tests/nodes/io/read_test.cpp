@@ -9,7 +9,7 @@ using namespace test;
 
 TEST(IoRead, PlansFromTheHeaderAndReadsBands)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     const std::string path = folder.file("a.exr");
     write_float(path, 33, 50, {"R", "G", "B", "A"}, ramp, -5, -6);
     const auto node = make("io.read", {{"path", path}, {"channels", std::string("RGB")}});
@@ -31,7 +31,7 @@ TEST(IoRead, PlansFromTheHeaderAndReadsBands)
 
 TEST(IoRead, ErrorsComeFromThePlan)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     const std::string path = folder.file("a.exr");
     write_float(path, 4, 4, {"R", "G", "B"}, ramp);
     EXPECT_NE(plan_message("io.read", {{"path", folder.file("b.exr")}}).find("b.exr"),

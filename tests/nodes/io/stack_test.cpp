@@ -9,7 +9,7 @@ using namespace test;
 
 TEST(IoStack, ReadsElementsOfMatchingFiles)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     std::vector<std::string> paths;
     for (int i = 0; i < 140; ++i) { // more than are kept open at once
         paths.push_back(folder.file("s" + std::to_string(i) + ".exr"));
@@ -32,7 +32,7 @@ TEST(IoStack, ReadsElementsOfMatchingFiles)
 
 TEST(IoStack, ErrorsNameTheTwoFiles)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     write_float(folder.file("a.exr"), 6, 4, {"R", "G", "B"}, ramp);
     write_float(folder.file("b.exr"), 6, 5, {"R", "G", "B"}, ramp);
     write_float(folder.file("c.exr"), 6, 4, {"R", "G", "B", "A"}, ramp);

@@ -36,7 +36,7 @@ struct Written {
 
 TEST(IoWrite, WritesReadsBackAndCounts)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     ImageDesc desc;
     desc.data = desc.display = {-2, 5, 30, 60};
     desc.channels = {"R", "G", "B"};
@@ -59,7 +59,7 @@ TEST(IoWrite, WritesReadsBackAndCounts)
 
 TEST(IoWrite, AbandonLeavesNothing)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     ImageDesc desc;
     desc.data = desc.display = {0, 0, 8, 8};
     desc.channels = {"R"};
@@ -73,7 +73,7 @@ TEST(IoWrite, AbandonLeavesNothing)
 // One real multi-layer file in, its beauty replaced, every other layer the same.
 TEST(IoWrite, RealFileThroughATemplate)
 {
-    const TempFolder folder;
+    const TemporaryFolder folder;
     const std::string path =
         std::string(RAYLOOM_SOURCE_DIR) + "/tests/data/cycles/interior/noisy_16.exr";
     const auto file = ImageFile::open(path);

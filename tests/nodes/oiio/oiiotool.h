@@ -3,6 +3,7 @@
 /// The same operation by the oiiotool command, for comparison.
 #pragma once
 
+#include "tests/support/temporary_folder.h"
 #include "tests/support/tiled_node.h"
 
 #include <OpenImageIO/imagebuf.h>
@@ -12,33 +13,9 @@
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
-#include <unistd.h>
 
 namespace rayloom::node_test
 {
-
-/// A folder that goes away with the object.
-class TemporaryFolder
-{
-public:
-    TemporaryFolder()
-    {
-        std::string name = (std::filesystem::temp_directory_path() / "rayloom-XXXXXX").string();
-        if (!mkdtemp(name.data())) throw std::runtime_error("cannot make a temporary folder");
-        m_path = name;
-    }
-    ~TemporaryFolder()
-    {
-        std::error_code ignored;
-        std::filesystem::remove_all(m_path, ignored);
-    }
-    TemporaryFolder(const TemporaryFolder&) = delete;
-    TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-    std::string file(const std::string& name) const { return (m_path / name).string(); }
-
-private:
-    std::filesystem::path m_path;
-};
 
 inline bool have_oiiotool() { return std::system("oiiotool --version > /dev/null 2>&1") == 0; }
 
@@ -86,7 +63,7 @@ inline TestImagePtr read_exr(const std::string& path)
 inline TestImagePtr oiiotool(const std::string& command,
                              const std::map<std::string, TestImagePtr>& images)
 {
-    TemporaryFolder folder;
+    const test::TemporaryFolder folder;
     std::string line = command;
     for (const auto& [name, image] : images) {
         const std::string path = folder.file(name + ".exr");

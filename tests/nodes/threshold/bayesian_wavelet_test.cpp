@@ -97,46 +97,6 @@ TEST(BayesianWavelet, PassedThroughLayersStayBitForBit)
     }
 }
 
-/// How many times the RMSE of the indirect component falls; samples 0: eight renders of one.
-double gain(const std::filesystem::path& scene, int samples, const std::string& noise)
-{
-    const auto reference = (scene / "ref.exr").string();
-    RunRequest request;
-    request.params["noise"] = noise;
-    request.inputs["reference_indirect"].files = {{reference, "DiffInd"}};
-    request.inputs["reference_color"].files = {{reference, "DiffCol"}};
-    for (const auto& [input, layer] :
-         {std::pair{"beauty", "Combined"}, std::pair{"diffuse_indirect", "DiffInd"},
-          std::pair{"diffuse_color", "DiffCol"}}) {
-        std::vector<InputFile>& files = request.inputs[input].files;
-        if (samples > 0) {
-            files = {{(scene / ("noisy_" + std::to_string(samples) + ".exr")).string(), layer}};
-            continue;
-        }
-        const auto folder = scene / (std::string(layer) == "Combined" ? "stack" : "stack_passes");
-        for (int i = 1; i <= 8; ++i)
-            files.push_back({(folder / ("s0" + std::to_string(i) + ".exr")).string(), layer});
-    }
-    const auto study = samples > 0 ? "bayesian_wavelet.yaml" : "bayesian_wavelet_stack.yaml";
-    const RunReport report =
-        run_graph(read_graph((source / "tests/studies" / study).string()), request, {});
-    return report.tables.at("noisy")[0].number("rmse") /
-           report.tables.at("light")[0].number("rmse");
-}
-
-TEST(BayesianWavelet, IndirectLightOfWholeRendersGainsAndMeasuredNoiseIsNoWorseThanGiven)
-{
-    const auto data = large_data();
-    if (!data || !exists(*data / "cycles")) GTEST_SKIP() << "no whole renders: set RAYLOOM_DATA";
-    for (const char* scene : {"cornell", "interior"})
-        for (const int samples : {0, 16, 64}) {
-            const double measured = gain(*data / "cycles" / scene, samples, "auto"),
-                         given = gain(*data / "cycles" / scene, samples, "given");
-            EXPECT_GT(measured, 2.5) << scene << ' ' << samples;
-            EXPECT_GE(measured, given) << scene << ' ' << samples;
-        }
-}
-
 /// Light and colour of a small scene with noise that grows with the light.
 RunRequest stack(const Region& window, int count,
                  const std::function<float(int x, int y, float noise)>& light)
