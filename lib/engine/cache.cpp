@@ -293,17 +293,4 @@ void apply_cache(Plan& plan, const std::string& folder)
         }
 }
 
-void write_text_file(const std::string& path, const std::string& text)
-{
-    const std::string temporary = temporary_name(path);
-    std::ofstream out(temporary, std::ios::binary);
-    out << text;
-    out.close();
-    if (!out || ::rename(temporary.c_str(), path.c_str()) != 0) {
-        const std::string why = std::strerror(errno);
-        ::unlink(temporary.c_str());
-        throw OutputError("'" + path + "' cannot be written: " + why);
-    }
-}
-
 } // namespace rayloom

@@ -64,7 +64,4 @@ private:
 /// Replaces items whose results are in the cache. Called by make_plan().
 void apply_cache(Plan& plan, const std::string& folder);
 
-/// Writes a text file so that it is whole or not there. Throws OutputError.
-void write_text_file(const std::string& path, const std::string& text);
-
 } // namespace rayloom

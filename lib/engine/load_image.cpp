@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/engine/load_image.h"
 
-#include "rayloom/core/text.h"
-#include "rayloom/engine/run.h"
-#include "rayloom/graph/reader.h"
+#include "rayloom/core/error.h"
+#include "rayloom/image/renderer_map.h"
 
 namespace rayloom
 {
@@ -11,14 +10,15 @@ namespace rayloom
 MemoryImage load_image(const std::string& path, const std::string& layer,
                        const std::string& channels)
 {
-    const Graph graph =
-        parse_graph("rayloom: 1\nname: read\ninputs:\n  image: {channels: " + json_quote(channels) +
-                        ", role: beauty}\noutputs: {image: image}\n",
-                    "read");
-    RunRequest request;
-    request.inputs["image"].files = {{path, layer}};
-    RunReport report = run_graph(graph, request);
-    return std::move(report.images.at("image").front());
+    const auto file = ImageFile::open(path);
+    const ImageReader reader(
+        file, choose_channels(*file, {layer, "", layer.empty() ? "beauty" : "", channels}));
+    if (reader.part().deep)
+        throw InputError(path + ": the image is deep; flat pixels are wanted here");
+    MemoryImage image{reader.desc(),
+                      ImageBuffer(reader.desc().data, reader.desc().channel_count())};
+    reader.read(image.pixels.view());
+    return image;
 }
 
 } // namespace rayloom

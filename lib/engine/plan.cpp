@@ -261,7 +261,15 @@ Plan::RowAccess Plan::access_of(const WorkItem& item) const
     return {Access::rows, result(items[static_cast<std::size_t>(read.item)]).row_alignment};
 }
 
-std::string PlannedOp::title() const { return "node '" + id + "' (" + op + ")"; }
+std::string op_title(OpRole role, const std::string& id, const std::string& op)
+{
+    switch (role) {
+    case OpRole::node: return "node '" + id + "' (" + op + ")";
+    case OpRole::input: return "input '" + id + "'";
+    case OpRole::output: return "output '" + id + "'";
+    }
+    return id;
+}
 
 std::string Stream::key() const
 {

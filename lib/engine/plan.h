@@ -18,6 +18,12 @@
 namespace rayloom
 {
 
+/// What of a graph an op stands for; messages name it accordingly.
+enum class OpRole { node, input, output };
+
+/// "node 'fused' (fuse.histogram)", "input 'color'", "output 'image'".
+std::string op_title(OpRole role, const std::string& id, const std::string& op);
+
 /// One use of a node: after mapping over lists, so a node of the file may be several of these.
 struct PlannedOp {
     std::string id; ///< name in the graph; "outer/inner" inside a graph used as a node, "fused[1]"
@@ -26,6 +32,7 @@ struct PlannedOp {
     SourcePosition where;
     const NodeInfo* info = nullptr; ///< null for the engine's own (memory sources and the like)
     int version = 1;
+    OpRole role = OpRole::node;
     ParamValues params;
     std::unique_ptr<Node> node;
     PlanResult result;
@@ -41,8 +48,7 @@ struct PlannedOp {
     bool needed = false;
     bool finished = false; ///< finish() was called
 
-    /// "node 'fused' (fuse.histogram)"
-    std::string title() const;
+    std::string title() const { return op_title(role, id, op); }
 };
 
 /// One image that flows: an output of an op, one element of it.

@@ -78,6 +78,7 @@ private:
     // Making ops
     struct NewOp {
         std::string id, name;
+        OpRole role = OpRole::node;
         SourcePosition where;
         const NodeInfo* info = nullptr;
         ParamValues params;
@@ -91,7 +92,7 @@ private:
     std::optional<std::map<std::string, Value, std::less<>>> add_op(NewOp request);
     int add_stream(Stream stream);
     std::map<std::string, Value, std::less<>>
-    add_node_op(const std::string& id, const std::string& op, ParamValues params,
+    add_node_op(OpRole role, const std::string& id, const std::string& op, ParamValues params,
                 std::map<std::string, Value, std::less<>> arguments, const SourcePosition& where,
                 std::optional<Region> crop = {});
 

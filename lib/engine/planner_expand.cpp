@@ -93,6 +93,7 @@ Value Planner::bind_input(const GraphInput& input, const InputBinding& binding)
             NewOp source;
             source.id = input.name;
             source.name = "memory";
+            source.role = OpRole::input;
             source.where = input.where;
             source.node = std::make_unique<MemorySource>(image);
             source.outputs = {{"image", PortKind::image, true, ""}};
@@ -127,7 +128,7 @@ Value Planner::bind_input(const GraphInput& input, const InputBinding& binding)
         if (input.kind == PortKind::deep) op = "io.read_deep";
         params["path"] = binding.files.front().path;
     }
-    const auto out = add_node_op(input.name, op, std::move(params), {}, input.where);
+    const auto out = add_node_op(OpRole::input, input.name, op, std::move(params), {}, input.where);
     const auto found = out.find(Registry::instance().find(op)->outputs.front().name);
     if (found == out.end())
         value.broken = true;

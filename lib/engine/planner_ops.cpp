@@ -40,7 +40,7 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     const auto stream_of = [&](int id) -> Stream& {
         return m_plan.streams[static_cast<std::size_t>(id)];
     };
-    const std::string title = "node '" + request.id + "' (" + request.name + ")";
+    const std::string title = op_title(request.role, request.id, request.name);
 
     std::map<std::string, PlannedInput, std::less<>> planned;
     for (const PortInfo& port : request.inputs) {
@@ -68,7 +68,10 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
         problem(request.where, title + ": " + e.what());
         return std::nullopt;
     } catch (const InputError& e) {
-        m_input_errors.push_back(title + ": " + e.what());
+        // Where a graph declares an input says nothing about the file it was given.
+        const SourcePosition where =
+            request.role == OpRole::node ? request.where : SourcePosition{};
+        m_input_errors.push_back(Problem{where, title + ": " + e.what()}.text());
         return std::nullopt;
     } catch (const Error&) {
         throw;
@@ -124,6 +127,7 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     PlannedOp op;
     op.id = request.id;
     op.op = request.name;
+    op.role = request.role;
     op.where = request.where;
     op.info = request.info;
     op.version = request.info ? request.info->version : 1;
@@ -258,7 +262,7 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
 }
 
 std::map<std::string, Value, std::less<>>
-Planner::add_node_op(const std::string& id, const std::string& op, ParamValues params,
+Planner::add_node_op(OpRole role, const std::string& id, const std::string& op, ParamValues params,
                      std::map<std::string, Value, std::less<>> arguments,
                      const SourcePosition& where, std::optional<Region> crop)
 {
@@ -267,6 +271,7 @@ Planner::add_node_op(const std::string& id, const std::string& op, ParamValues p
     NewOp request;
     request.id = id;
     request.name = op;
+    request.role = role;
     request.where = where;
     request.info = info;
     for (const ParamInfo& p : info->params) request.params[p.name] = p.default_value;

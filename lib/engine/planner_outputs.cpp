@@ -3,6 +3,7 @@
 
 #include "rayloom/core/text.h"
 #include "rayloom/engine/engine_nodes.h"
+#include "rayloom/image/atomic_file.h"
 #include "rayloom/image/renderer_map.h"
 
 #include <algorithm>
@@ -25,15 +26,32 @@ std::string numbered_path(const std::string& path, std::size_t index)
     return path.substr(0, dot) + number + path.substr(dot);
 }
 
+void check_figures_path(const std::string& output, const std::string& path)
+{
+    if (!path.ends_with(".json") && !path.starts_with("/dev/"))
+        throw UsageError("output '" + output +
+                         "' is figures, which are written as JSON; name a .json file, not '" +
+                         path + "'");
+    check_text_writable(path);
+}
+
 } // namespace
 
 void Planner::add_output(const GraphOutput& declared, const OutputBinding* binding,
                          const Value& value)
 {
+    if (value.kind == PortKind::deep) {
+        problem(declared.where,
+                "output '" + declared.name +
+                    "' is a deep image; what can be written is flat images and figures "
+                    "(--pass-through copies the deep parts of a file as they are)");
+        return;
+    }
     PlannedOutput out;
     out.name = declared.name;
     if (binding) out.binding = *binding;
     if (value.kind == PortKind::table) {
+        if (!out.binding.path.empty()) check_figures_path(declared.name, out.binding.path);
         for (std::size_t i = 0; i < value.tables.size(); ++i) {
             PlannedOutput table = out;
             table.table_op = value.tables[i].op;
@@ -56,6 +74,7 @@ void Planner::add_output(const GraphOutput& declared, const OutputBinding* bindi
             NewOp sink;
             sink.id = declared.name;
             sink.name = "memory";
+            sink.role = OpRole::output;
             sink.where = declared.where;
             sink.node = std::make_unique<MemorySink>();
             sink.inputs = {{"image", PortKind::image, true, ""}};
@@ -69,8 +88,8 @@ void Planner::add_output(const GraphOutput& declared, const OutputBinding* bindi
             params["compression"] = image.binding.compression;
             params["layer"] = image.binding.layer;
             params["template"] = image.binding.pass_through_from;
-            add_node_op(declared.name, "io.write", std::move(params), {{"image", one}},
-                        declared.where, m_request.roi);
+            add_node_op(OpRole::output, declared.name, "io.write", std::move(params),
+                        {{"image", one}}, declared.where, m_request.roi);
         }
         if (m_plan.items.size() > before)
             image.sink_item = static_cast<int>(m_plan.items.size()) - 1;

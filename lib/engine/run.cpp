@@ -5,6 +5,7 @@
 #include "rayloom/engine/band.h"
 #include "rayloom/engine/cache.h"
 #include "rayloom/engine/engine_nodes.h"
+#include "rayloom/image/atomic_file.h"
 #include "rayloom/image/exr_reader.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -188,7 +189,7 @@ private:
     template <class Body>
     void guarded(const PlannedOp& op, const Body& body)
     {
-        const std::string place = op.where.text();
+        const std::string place = op.role == OpRole::node ? op.where.text() : "";
         const std::string prefix = (place.empty() ? "" : place + ": ") + op.title() + ": ";
         try {
             body();

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fcntl.h>
 #include <filesystem>
+#include <fstream>
 #include <random>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -42,6 +43,14 @@ fs::path folder_of(const fs::path& path)
     return folder.empty() ? fs::path(".") : folder;
 }
 
+/// What has no content to keep: a terminal, a pipe, /dev/stdout.
+bool is_device(const fs::path& path)
+{
+    std::error_code error;
+    const fs::file_status status = fs::status(path, error);
+    return fs::is_character_file(status) || fs::is_fifo(status) || fs::is_socket(status);
+}
+
 std::string hidden_name(const fs::path& target)
 {
     // Names may have 255 bytes; the final name is for whoever finds a left-over.
@@ -70,6 +79,24 @@ void check_writable(const std::string& path)
     if (::stat(target.c_str(), &status) == 0 && !S_ISREG(status.st_mode))
         throw OutputError(path + ": " + (S_ISDIR(status.st_mode) ? "is a folder" : "is no file") +
                           ", and would have to be replaced");
+}
+
+void check_text_writable(const std::string& path)
+{
+    if (!is_device(path)) check_writable(path);
+}
+
+void write_text_file(const std::string& path, const std::string& text)
+{
+    if (is_device(path)) {
+        std::ofstream out(path, std::ios::binary);
+        if (!out.write(text.data(), static_cast<std::streamsize>(text.size())).flush())
+            throw OutputError(path + ": cannot be written: " + std::strerror(errno));
+        return;
+    }
+    AtomicFile file(path);
+    file.write(text.data(), text.size());
+    file.commit();
 }
 
 struct AtomicFile::State {

@@ -15,6 +15,13 @@ namespace rayloom
 /// written to, and the name is no folder or device. Touches nothing.
 void check_writable(const std::string& path);
 
+/// Throws OutputError unless write_text_file() could write there. Touches nothing.
+void check_text_writable(const std::string& path);
+
+/// Writes a whole text: into a file as AtomicFile does, into a device or a pipe as it is. Throws
+/// OutputError.
+void write_text_file(const std::string& path, const std::string& text);
+
 /// Written in the folder of its final name, then renamed onto it. Until commit() an earlier file of
 /// that name stays as it was. Where the file system can, what is being written has no name at all,
 /// so that not even a killed process leaves anything; elsewhere it is a hidden file that is removed

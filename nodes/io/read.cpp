@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "rayloom/core/registry.h"
+#include "nodes/io/layer_params.h"
 #include "rayloom/image/exr_reader.h"
-#include "rayloom/image/renderer_map.h"
 
 namespace rayloom
 {
@@ -11,12 +10,8 @@ namespace
 class ReadImage final : public Node
 {
 public:
-    struct Params {
+    struct Params : LayerParams {
         std::string path;
-        std::string layer;
-        std::string part;
-        std::string role;
-        std::string channels = "any";
     };
 
     static void describe(Declaration<Params>& d)
@@ -45,15 +40,7 @@ outputs:
 )");
         d.output("image", "pixels of the selected channels");
         d.param("path", &Params::path, "image file; any format OpenImageIO reads").required();
-        d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");
-        d.param("part", &Params::part,
-                "name or number of the part to look in, where layers of several share a name");
-        d.param("role", &Params::role,
-                "what the layer is to the renderer ('beauty', 'albedo', …), where no layer is "
-                "named; the renderer maps say which layer that is");
-        d.param("channels", &Params::channels,
-                "'any', 'RGB' (the three colour channels, and alpha where there is one), or a "
-                "comma list of names in the order wanted");
+        declare_layer_params(d);
     }
 
     explicit ReadImage(const Params& p) : m(p) {}
@@ -61,14 +48,14 @@ outputs:
     void plan(PlanContext& context) override
     {
         const auto file = ImageFile::open(m.path);
-        const ChannelSelection selection =
-            choose_channels(*file, {m.layer, m.part, m.role, m.channels});
+        const ChannelSelection selection = m.choose(*file);
         m_reader.emplace(file, selection);
         const PartInfo& part = m_reader->part();
         if (part.deep)
-            throw NodeError(m.path + ": " +
-                            (selection.layer.empty() ? "the image" : "'" + selection.layer + "'") +
-                            " is deep; read it with io.read_deep");
+            throw InputError(
+                m.path + ": " +
+                (selection.layer.empty() ? "the image" : "'" + selection.layer + "'") +
+                " is deep; read it with io.read_deep (an input of a graph: kind: deep)");
         context.output("image", m_reader->desc());
         context.access(Access::rows, part.chunk_rows);
         context.scratch(m_reader->scratch_bytes());

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "rayloom/core/registry.h"
+#include "nodes/io/layer_params.h"
 #include "rayloom/image/exr_reader.h"
-#include "rayloom/image/renderer_map.h"
 
 namespace rayloom
 {
@@ -11,12 +10,8 @@ namespace
 class ReadDeep final : public Node
 {
 public:
-    struct Params {
+    struct Params : LayerParams {
         std::string path;
-        std::string layer;
-        std::string part;
-        std::string role;
-        std::string channels = "any";
     };
 
     static void describe(Declaration<Params>& d)
@@ -30,23 +25,16 @@ public:
                 "not have, a part that is not deep.");
         d.example(R"(rayloom: 1
 name: read-deep-example
-doc: Takes the deep samples of a render.
+doc: Counts the deep samples of a render by colour.
 nodes:
   samples: {op: io.read_deep, path: deep.exr, channels: RGB}
+  histogram: {op: transform.histogram, deep: samples}
 outputs:
-  deep: samples
+  histogram: histogram
 )");
         d.output("deep", "deep samples of the selected channels").deep();
         d.param("path", &Params::path, "deep image file, scanline or tiled EXR").required();
-        d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");
-        d.param("part", &Params::part,
-                "name or number of the part to look in, where layers of several share a name");
-        d.param("role", &Params::role,
-                "what the layer is to the renderer ('beauty', 'albedo', …), where no layer is "
-                "named; the renderer maps say which layer that is");
-        d.param("channels", &Params::channels,
-                "'any', 'RGB' (the three colour channels, and alpha where there is one), or a "
-                "comma list of names in the order wanted");
+        declare_layer_params(d);
     }
 
     explicit ReadDeep(const Params& p) : m(p) {}
@@ -54,11 +42,10 @@ outputs:
     void plan(PlanContext& context) override
     {
         const auto file = ImageFile::open(m.path);
-        const ChannelSelection selection =
-            choose_channels(*file, {m.layer, m.part, m.role, m.channels});
+        const ChannelSelection selection = m.choose(*file);
         m_reader.emplace(file, selection);
         if (!m_reader->part().deep)
-            throw NodeError(m.path + ": the image is flat, not deep; read it with io.read");
+            throw InputError(m.path + ": the image is flat, not deep; read it with io.read");
         context.output("deep", m_reader->desc());
         context.access(Access::rows, m_reader->part().chunk_rows);
         context.cheap();

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "rayloom/core/registry.h"
+#include "nodes/io/layer_params.h"
 #include "rayloom/core/text.h"
 #include "rayloom/image/exr_reader.h"
-#include "rayloom/image/renderer_map.h"
 
 #include <algorithm>
 #include <numeric>
@@ -18,12 +17,8 @@ constexpr std::size_t max_open = 128;
 class ReadStack final : public Node
 {
 public:
-    struct Params {
+    struct Params : LayerParams {
         std::vector<std::string> paths;
-        std::string layer;
-        std::string part;
-        std::string role;
-        std::string channels = "any";
     };
 
     static void describe(Declaration<Params>& d)
@@ -46,15 +41,7 @@ outputs:
 )");
         d.output("stack", "one image per file, in the order of the list").list();
         d.param("paths", &Params::paths, "image files").required();
-        d.param("layer", &Params::layer, "layer, part or channel; empty: the whole first part");
-        d.param("part", &Params::part,
-                "name or number of the part to look in, where layers of several share a name");
-        d.param("role", &Params::role,
-                "what the layer is to the renderer ('beauty', 'albedo', …), where no layer is "
-                "named; the renderer maps say which layer that is");
-        d.param("channels", &Params::channels,
-                "'any', 'RGB' (the three colour channels, and alpha where there is one), or a "
-                "comma list of names in the order wanted");
+        declare_layer_params(d);
     }
 
     explicit ReadStack(const Params& p) : m(p) {}
@@ -68,11 +55,10 @@ outputs:
         std::size_t scratch = 0;
         for (const std::string& path : m.paths) {
             const auto file = ImageFile::open(path);
-            m_readers.emplace_back(file,
-                                   choose_channels(*file, {m.layer, m.part, m.role, m.channels}));
+            m_readers.emplace_back(file, m.choose(*file));
             const ImageReader& reader = m_readers.back();
             if (reader.part().deep)
-                throw NodeError(path + ": is deep; a stack is made of flat images");
+                throw InputError(path + ": is deep; a stack is made of flat images");
             const ImageDesc& desc = reader.desc();
             if (!descs.empty()) require_same(descs.front(), desc, path);
             descs.push_back(desc);
@@ -110,20 +96,20 @@ private:
     {
         const std::string files = m.paths.front() + " and " + path;
         if (first.data != desc.data)
-            throw NodeError(files +
-                            ": the files of a stack must have the same data window; they "
-                            "have " +
-                            first.data.text() + " and " + desc.data.text());
+            throw InputError(files +
+                             ": the files of a stack must have the same data window; they "
+                             "have " +
+                             first.data.text() + " and " + desc.data.text());
         if (first.display != desc.display)
-            throw NodeError(files +
-                            ": the files of a stack must have the same display window; "
-                            "they have " +
-                            first.display.text() + " and " + desc.display.text());
+            throw InputError(files +
+                             ": the files of a stack must have the same display window; "
+                             "they have " +
+                             first.display.text() + " and " + desc.display.text());
         if (first.channels != desc.channels)
-            throw NodeError(files +
-                            ": the files of a stack must have the same channels; they have " +
-                            join_names(first.channels) + "; and " + join_names(desc.channels) +
-                            "; name the layer or channels to take");
+            throw InputError(files +
+                             ": the files of a stack must have the same channels; they have " +
+                             join_names(first.channels) + "; and " + join_names(desc.channels) +
+                             "; name the layer or channels to take");
     }
 
     Params m;

@@ -132,7 +132,8 @@ TEST_F(HostileInput, RendersOfAnotherSizeOrWithoutTheLayerAreRefused)
     fs::copy(source / "tests/data/cycles/cornell/stack/s03.exr", file("s03.exr"),
              fs::copy_options::overwrite_existing);
     CommandResult r = denoise();
-    EXPECT_EQ(r.exit_code, 2);
+    EXPECT_EQ(r.exit_code, 3);
+    EXPECT_THAT(r.err, HasSubstr("rayloom: input 'stack': s01.exr and s03.exr: "));
     EXPECT_THAT(r.err, HasSubstr("they have 96x96+0+0 and 288x288+0+0"));
     r = run({"run", rhf, "-i", "stack=s%02d.exr@1-2:DiffDir", "-o", "image=out.exr"});
     EXPECT_EQ(r.exit_code, 3);
@@ -297,6 +298,13 @@ TEST_F(HostileInput, DeepSamplesBecomeAHistogram)
                     deep.set_deep_value(x, y, 0, c, s, c == 3 ? static_cast<float>(s) : 0.0f);
         }
     ASSERT_TRUE(deep.write(file("in.exr").string())) << deep.geterror();
+    // As they are they go nowhere, which is found before anything runs.
+    write("same.yaml", "rayloom: 1\nname: same\ninputs: {samples: {kind: deep}}\n"
+                       "outputs: {samples: samples}\n");
+    const CommandResult refused =
+        run({"run", "same.yaml", "-i", "samples=in.exr", "-o", "samples=out.exr"});
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_THAT(refused.err, HasSubstr("output 'samples' is a deep image"));
     const CommandResult r =
         run({"run", "deep.yaml", "-i", "samples=in.exr", "-o", "histogram=out.exr"});
     ASSERT_EQ(r.exit_code, 0) << r.err;
@@ -341,7 +349,7 @@ TEST_F(HostileInput, HelpTellsWhatAGraphWants)
     EXPECT_THAT(r.out, HasSubstr("stack: list of images"));
     EXPECT_THAT(r.out, HasSubstr("kappa: floats at least 0; default [1, 0.3]"));
     EXPECT_THAT(run({"help", "no-such-thing"}).err,
-                HasSubstr("there is no node and no graph 'no-such-thing'"));
+                HasSubstr("there is no node, graph or command 'no-such-thing'"));
     EXPECT_THAT(names(), IsEmpty());
 }
 
