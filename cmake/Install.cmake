@@ -7,6 +7,19 @@ install(TARGETS rayloom EXPORT rayloomTargets
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 if(TARGET rayloom_command)
   install(TARGETS rayloom_command RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  # Manual page and completion are made by the command, from the description of its own options.
+  set(RAYLOOM_MANUAL ${CMAKE_BINARY_DIR}/share/man/man1/rayloom.1)
+  set(RAYLOOM_COMPLETION ${CMAKE_BINARY_DIR}/share/bash-completion/completions/rayloom)
+  cmake_path(GET RAYLOOM_MANUAL PARENT_PATH RAYLOOM_MANUAL_FOLDER)
+  cmake_path(GET RAYLOOM_COMPLETION PARENT_PATH RAYLOOM_COMPLETION_FOLDER)
+  file(MAKE_DIRECTORY ${RAYLOOM_MANUAL_FOLDER} ${RAYLOOM_COMPLETION_FOLDER})
+  add_custom_command(OUTPUT ${RAYLOOM_MANUAL} ${RAYLOOM_COMPLETION}
+    COMMAND ${CMAKE_COMMAND} -E env --unset=RAYLOOM_PLUGINS
+      $<TARGET_FILE:rayloom_command> docs --man ${RAYLOOM_MANUAL} --completion ${RAYLOOM_COMPLETION}
+    DEPENDS rayloom_command VERBATIM)
+  add_custom_target(rayloom_manual ALL DEPENDS ${RAYLOOM_MANUAL} ${RAYLOOM_COMPLETION})
+  install(FILES ${RAYLOOM_MANUAL} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+  install(FILES ${RAYLOOM_COMPLETION} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
 endif()
 install(DIRECTORY lib/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/rayloom
   FILES_MATCHING PATTERN "*.h" PATTERN cli EXCLUDE PATTERN python EXCLUDE)

@@ -29,7 +29,11 @@ MemoryImage load(const std::string& text)
 {
     // The same rules as right of `-i name=`.
     const InputSource source = parse_input_source("image=" + text);
-    MemoryImage image = load_image(resolve_files(source, std::nullopt).paths.at(0), source.layer);
+    const std::vector<std::string> paths = resolve_files(source, std::nullopt).paths;
+    if (paths.size() != 1)
+        throw UsageError("'" + text + "' names " + std::to_string(paths.size()) +
+                         " files; compare takes one at a time");
+    const MemoryImage image = load_image(paths.front(), source.layer);
     const std::vector<int> colour = image.desc.colour();
     if (colour.size() != 1 && colour.size() != 3)
         throw InputError("'" + text + "' has channels " + join_names(image.desc.channels) +

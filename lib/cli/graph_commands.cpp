@@ -2,10 +2,12 @@
 #include "rayloom/cli/command.h"
 #include "rayloom/core/error.h"
 #include "rayloom/core/text.h"
-#include "rayloom/engine/cache.h"
 #include "rayloom/graph/picture.h"
 #include "rayloom/graph/reader.h"
+#include "rayloom/image/atomic_file.h"
 
+#include <algorithm>
+#include <cstdio>
 #include <iostream>
 #include <memory>
 
@@ -29,7 +31,7 @@ const char* kind_name(PortKind kind)
 /// What a program must know to run a graph on files of its own.
 std::string interface_json(const Graph& graph)
 {
-    std::string inputs, outputs;
+    std::string inputs, outputs, params;
     for (const GraphInput& input : graph.inputs)
         inputs += std::string(inputs.empty() ? "" : ", ") + "{\"name\": " + json_quote(input.name) +
                   ", \"kind\": " + json_quote(kind_name(input.kind)) +
@@ -42,10 +44,17 @@ std::string interface_json(const Graph& graph)
                    "{\"name\": " + json_quote(output.name) +
                    ", \"kind\": " + (output.kind ? json_quote(kind_name(*output.kind)) : "null") +
                    ", \"doc\": " + json_quote(output.doc) + "}";
+    for (const GraphParam& param : graph.params)
+        params += std::string(params.empty() ? "" : ", ") +
+                  "{\"name\": " + json_quote(param.info.name) +
+                  ", \"type\": " + json_quote(param_type_name(param.info.type)) +
+                  ", \"required\": " + (param.info.required ? "true" : "false") +
+                  ", \"default\": " + json_quote(format_param(param.info.default_value)) +
+                  ", \"doc\": " + json_quote(param.info.doc) + "}";
     return "{\"file\": " + json_quote(graph.file) + ", \"graph\": " + json_quote(graph.name) +
            ", \"doc\": " + json_quote(graph.doc) +
            ", \"nodes\": " + std::to_string(graph.nodes.size()) + ",\n \"inputs\": [" + inputs +
-           "],\n \"outputs\": [" + outputs + "]}";
+           "],\n \"outputs\": [" + outputs + "],\n \"params\": [" + params + "]}";
 }
 
 int check(const std::vector<std::string>& files, bool json)
@@ -68,6 +77,22 @@ int check(const std::vector<std::string>& files, bool json)
         }
     }
     return exit_code;
+}
+
+int list_graphs()
+{
+    for (const std::string& name : graph_names()) {
+        std::string doc;
+        try {
+            doc = read_graph(find_graph(name)).doc;
+            doc.resize(std::min(doc.find(". "), doc.size()));
+            if (doc.ends_with('.')) doc.pop_back();
+        } catch (const Error&) {
+            doc = "cannot be read; 'rayloom check " + name + "' says why";
+        }
+        std::printf("%-28s %s\n", name.c_str(), doc.c_str());
+    }
+    return 0;
 }
 
 int picture(const std::string& file, const std::string& out)
@@ -99,9 +124,13 @@ void add_graph_commands(CLI::App& app, Action& action)
         ->required()
         ->type_name("GRAPH");
     check_command->add_flag("--json", checked->json,
-                            "Print the inputs and outputs of each graph as JSON");
+                            "Print inputs, outputs and parameters of each graph as JSON");
     check_command->callback([checked, &action] {
         action = [checked] { return check(checked->files, checked->json); };
+    });
+
+    app.add_subcommand("graphs", "List the graphs that are found by name")->callback([&action] {
+        action = list_graphs;
     });
 
     CLI::App* picture_command =

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/cli/command.h"
+#include "rayloom/cli/manual.h"
+#include "rayloom/cli/usage_message.h"
 #include "rayloom/core/error.h"
 #include "rayloom/core/registry.h"
 #include "rayloom/core/text.h"
 #include "rayloom/core/version.h"
 #include "rayloom/simd/targets.h"
 
+#include <cstdio>
 #include <cstdlib>
 #include <iostream>
 #include <new>
@@ -47,12 +50,7 @@ int main(int argc, char** argv)
     app.name("rayloom");
     app.require_subcommand(1);
     app.set_version_flag("--version", version_text);
-    app.footer(
-        "Exit codes: 0 done; 1 a limit of compare is broken; 2 the graph or the command line is "
-        "wrong; 3 an\n"
-        "input is; 4 an output cannot be written; 5 memory does not suffice; 130 stopped.\n"
-        "RAYLOOM_PLUGINS: folders (separated by ':') whose shared libraries bring more nodes.\n"
-        "RAYLOOM_GRAPH_PATH: folders in which graphs are found by name.");
+    app.footer(rayloom::cli::help_footer());
     std::string simd;
     app.add_option("--simd", simd, "SIMD target of the kernels, or auto")->type_name("TARGET");
 
@@ -64,6 +62,9 @@ int main(int argc, char** argv)
     rayloom::cli::add_info(app, action);
     rayloom::cli::add_compare(app, action);
 
+    app.failure_message([&](const CLI::App*, const CLI::Error& e) {
+        return rayloom::cli::usage_message(app, e, {argv + 1, argv + argc});
+    });
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& e) {
@@ -74,7 +75,11 @@ int main(int argc, char** argv)
         if (const char* folders = std::getenv("RAYLOOM_PLUGINS"))
             rayloom::Registry::instance().load_plugins(folders);
         if (!simd.empty()) rayloom::use_simd_target(simd);
-        return action();
+        const int code = action();
+        // A full disk behind a redirection is an error like any other.
+        if (!std::cout.flush() || std::fflush(stdout) != 0)
+            throw rayloom::OutputError("standard output cannot be written");
+        return code;
     } catch (const rayloom::Error& e) {
         std::cerr << "rayloom: " << e.what() << "\n";
         if (e.exit_code() != 130)

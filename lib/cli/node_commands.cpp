@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/cli/command.h"
+#include "rayloom/cli/manual.h"
 #include "rayloom/core/error.h"
 #include "rayloom/core/reference.h"
 #include "rayloom/core/registry.h"
 #include "rayloom/core/text.h"
-#include "rayloom/engine/cache.h"
 #include "rayloom/graph/reader.h"
 #include "rayloom/graph/schema.h"
+#include "rayloom/image/atomic_file.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -26,19 +28,30 @@ int list_nodes()
     return 0;
 }
 
-int help(const std::string& name)
+int help(const CLI::App& app, const std::string& name)
 {
+    if (name.empty()) {
+        std::cout << app.help();
+        return 0;
+    }
     if (const NodeInfo* node = Registry::instance().find(name)) {
         std::cout << node_help(*node);
+        return 0;
+    }
+    const std::vector<std::string> commands = command_names(app);
+    if (std::ranges::find(commands, name) != commands.end()) {
+        std::cout << app.get_subcommand(name)->help();
         return 0;
     }
     std::string file;
     try {
         file = find_graph(name);
     } catch (const InputError&) {
-        throw UsageError("there is no node and no graph '" + name + "'" +
-                         suggestion(name, Registry::instance().names()) +
-                         " (rayloom nodes lists the nodes)");
+        std::vector<std::string> known = Registry::instance().names();
+        for (const std::string& graph : graph_names()) known.push_back(graph);
+        throw UsageError("there is no node, graph or command '" + name + "'" +
+                         suggestion(name, known) +
+                         " (rayloom nodes lists the nodes, rayloom graphs the graphs)");
     }
     const Graph graph = read_graph(file);
     NodeInfo info = graph_signature(graph);
@@ -49,7 +62,7 @@ int help(const std::string& name)
     return 0;
 }
 
-int write_docs(const std::string& folder)
+void write_pages(const std::string& folder)
 {
     std::error_code status;
     std::filesystem::create_directories(folder, status);
@@ -59,6 +72,19 @@ int write_docs(const std::string& folder)
     for (const NodeInfo* node : nodes)
         write_text_file(folder + "/" + node->name + ".md", node_page(*node));
     std::cout << nodes.size() << " pages and README.md in " << folder << "\n";
+}
+
+struct DocsArguments {
+    std::string folder, manual, completion;
+};
+
+int write_docs(const CLI::App& app, const DocsArguments& arguments)
+{
+    if (arguments.folder.empty() && arguments.manual.empty() && arguments.completion.empty())
+        throw UsageError("docs wants --out DIR, --man FILE or --completion FILE");
+    if (!arguments.folder.empty()) write_pages(arguments.folder);
+    if (!arguments.manual.empty()) write_text_file(arguments.manual, manual_page(app));
+    if (!arguments.completion.empty()) write_text_file(arguments.completion, bash_completion(app));
     return 0;
 }
 
@@ -68,17 +94,20 @@ void add_node_commands(CLI::App& app, Action& action)
 {
     app.add_subcommand("nodes", "List the nodes")->callback([&action] { action = list_nodes; });
 
-    CLI::App* help_command =
-        app.add_subcommand("help", "Explain a node or a graph: inputs, outputs, parameters");
+    CLI::App* help_command = app.add_subcommand("help", "Explain a node, a graph or a command");
     auto op = std::make_shared<std::string>();
-    help_command->add_option("op", *op, "Name of a node or a graph")->required()->type_name("OP");
-    help_command->callback([op, &action] { action = [op] { return help(*op); }; });
+    help_command->add_option("op", *op, "Name of a node, a graph or a command")->type_name("NAME");
+    help_command->callback([op, &app, &action] { action = [op, &app] { return help(app, *op); }; });
 
-    CLI::App* docs_command = app.add_subcommand("docs", "Write the reference pages of all nodes");
-    auto folder = std::make_shared<std::string>();
-    docs_command->add_option("--out", *folder, "Folder")->required()->type_name("DIR");
+    CLI::App* docs_command =
+        app.add_subcommand("docs", "Write the reference pages of all nodes, or the manual page");
+    auto docs = std::make_shared<DocsArguments>();
+    docs_command->add_option("--out", docs->folder, "Folder for the pages")->type_name("DIR");
+    docs_command->add_option("--man", docs->manual, "File for the manual page")->type_name("FILE");
+    docs_command->add_option("--completion", docs->completion, "File for the completion of bash")
+        ->type_name("FILE");
     docs_command->callback(
-        [folder, &action] { action = [folder] { return write_docs(*folder); }; });
+        [docs, &app, &action] { action = [docs, &app] { return write_docs(app, *docs); }; });
 
     app.add_subcommand("schema", "Print the JSON schema of graph files, for editors")
         ->callback([&action] {

@@ -31,6 +31,8 @@ std::vector<std::string> graphs_in(const std::vector<fs::path>& folders)
 
 } // namespace
 
+std::vector<std::string> graph_names() { return graphs_in(graph_folders()); }
+
 std::string find_graph(const std::string& name_or_path)
 {
     std::error_code error;
@@ -49,7 +51,7 @@ std::string find_graph(const std::string& name_or_path)
                 if (fs::is_regular_file(path, error)) return path.string();
             }
     std::string message = "graph '" + name_or_path + "' was not found";
-    if (const std::string near = closest_name(given.stem().string(), graphs_in(folders));
+    if (const std::string near = closest_name(given.stem().string(), graph_names());
         !near.empty())
         message += "; did you mean '" + near + "'?";
     message += "; searched: as a file";

@@ -31,4 +31,7 @@ NodeInfo graph_signature(const Graph& graph);
 /// and source graphs/ folder. Throws InputError that lists the places searched.
 std::string find_graph(const std::string& name_or_path);
 
+/// Names of the graphs find_graph() finds by name, sorted.
+std::vector<std::string> graph_names();
+
 } // namespace rayloom

@@ -27,6 +27,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 const fs::path source = RAYLOOM_SOURCE_DIR;
 const fs::path scene = source / "tests/data/cycles/interior";
@@ -41,6 +42,7 @@ const char* const rhf = "ray-histogram-fusion-stack.yaml";
 class Command : public ::testing::Test
 {
 protected:
+    const fs::path& folder() const { return m_folder.path(); }
     fs::path file(const std::string& name) const { return m_folder.path() / name; }
     fs::path write(const std::string& name, const std::string& text) const
     {
@@ -408,6 +410,79 @@ TEST_F(Command, CompareServesAsARegressionTest)
     EXPECT_EQ(
         run({"compare", noisy, (source / "tests/data/cycles/cornell/ref.exr").string()}).exit_code,
         3);
+    const CommandResult gone = run({"compare", "gone.exr", ref});
+    EXPECT_EQ(gone.exit_code, 3);
+    EXPECT_THAT(gone.err, StartsWith("rayloom: gone.exr: No such file"));
+}
+
+TEST_F(Command, SlipsOnTheCommandLineAreUnderstood)
+{
+    const auto refused = [&](const std::vector<std::string>& arguments, const std::string& what) {
+        const CommandResult r = run(arguments);
+        EXPECT_EQ(r.exit_code, 2);
+        EXPECT_THAT(r.err, StartsWith(what));
+    };
+    refused({"runn", "g.yaml"}, "rayloom: there is no command 'runn'; did you mean 'run'?");
+    refused({"run", "g.yaml", "--fames", "1"},
+            "rayloom run: there is no option '--fames'; did you mean '--frames'?");
+    refused({"help", "fuse.histgram"},
+            "rayloom: there is no node, graph or command 'fuse.histgram'; did you mean "
+            "'fuse.histogram'?");
+    refused({"help", "virtual-flsh"}, "rayloom: there is no node, graph or command 'virtual-flsh'; "
+                                      "did you mean 'virtual-flash'?");
+    refused({}, "rayloom: which command? There is: run, plan, ");
+    EXPECT_THAT(run({"help", "run"}).out, HasSubstr("--pass-through"));
+    EXPECT_THAT(run({"help"}).out, HasSubstr("Exit codes:"));
+    EXPECT_THAT(run({"graphs"}).out, HasSubstr("\nray-histogram-fusion-stack "));
+}
+
+TEST_F(Command, WhatCannotBePrintedIsAnError)
+{
+    const CommandResult r = run_command(
+        {"sh", "-c", std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom nodes > /dev/full"}, folder());
+    EXPECT_EQ(r.exit_code, 4) << r.err;
+}
+
+TEST_F(Command, FiguresGoToJsonOrToADevice)
+{
+    write("g.yaml", "rayloom: 1\nname: g\ninputs: {a: {channels: RGB, role: beauty}}\n"
+                    "nodes: {m: {op: measure.error, image: a, reference: a, flip: false}}\n"
+                    "outputs: {figures: m.errors}\n");
+    const std::string a = "a=" + (scene / "ref.exr").string();
+    const auto to = [&](const std::string& path) {
+        return run({"run", "g.yaml", "-q", "-i", a, "-o", "figures=" + path});
+    };
+    EXPECT_EQ(to("f.exr").exit_code, 2);
+    EXPECT_EQ(to("nowhere/f.json").exit_code, 4);
+    EXPECT_THAT(names(), ElementsAre("g.yaml"));
+    EXPECT_EQ(to("f.json").exit_code, 0);
+    EXPECT_EQ(YAML::LoadFile(file("f.json").string())["rmse"].as<double>(), 0.0);
+    // A device is written to, not replaced.
+    fs::create_symlink("/dev/null", file("null.json"));
+    EXPECT_EQ(to("null.json").exit_code, 0);
+    EXPECT_TRUE(fs::is_character_file(file("null.json")));
+    EXPECT_EQ(to("/dev/full").exit_code, 4);
+}
+
+TEST_F(Command, CompletesWhatIsTyped)
+{
+    ASSERT_EQ(run({"docs", "--completion", "rayloom.bash", "--man", "rayloom.1"}).exit_code, 0);
+    const auto completed = [&](const std::string& words, int at) {
+        const CommandResult r = run_command(
+            {"bash", "-c",
+             "PATH='" + std::string(RAYLOOM_BINARY_DIR) +
+                 "/bin':$PATH; compopt() { :; }; . ./rayloom.bash; COMP_WORDS=(" + words +
+                 "); COMP_CWORD=" + std::to_string(at) + "; _rayloom; echo \"${COMPREPLY[*]}\""},
+            folder());
+        EXPECT_EQ(r.exit_code, 0) << r.err;
+        return r.out;
+    };
+    EXPECT_EQ(completed("rayloom com", 1), "compare\n");
+    EXPECT_EQ(completed("rayloom run --pas", 2), "--pass-through\n");
+    EXPECT_EQ(completed("rayloom run ray-histogram-fusion-s", 2), "ray-histogram-fusion-stack\n");
+    EXPECT_EQ(completed("rayloom help fuse.hist", 2), "fuse.histogram\n");
+    EXPECT_EQ(completed("rayloom run ray-histogram-fusion-stack -i ''", 4), "stack=\n");
+    EXPECT_EQ(completed("rayloom run ray-histogram-fusion-stack -p ka", 4), "kappa=\n");
 }
 
 } // namespace

@@ -82,8 +82,8 @@ TEST(CommandPage, NamesEveryOptionAndNoOther)
     const TemporaryFolder folder;
     std::set<std::string> known{"--help", "--version"};
     std::string help = rayloom({"--help"}, folder.path()).out;
-    for (const char* command : {"run", "plan", "check", "picture", "nodes", "help", "docs",
-                                "schema", "info", "compare"}) {
+    for (const char* command : {"run", "plan", "check", "picture", "nodes", "graphs", "help",
+                                "docs", "schema", "info", "compare"}) {
         EXPECT_THAT(page, ::testing::HasSubstr("rayloom " + std::string(command))) << command;
         EXPECT_THAT(help, ::testing::HasSubstr("  " + std::string(command) + " ")) << command;
         known.merge(options_in(rayloom({command, "--help"}, folder.path()).out));
