@@ -51,8 +51,7 @@ std::string find_graph(const std::string& name_or_path)
                 if (fs::is_regular_file(path, error)) return path.string();
             }
     std::string message = "graph '" + name_or_path + "' was not found";
-    if (const std::string near = closest_name(given.stem().string(), graph_names());
-        !near.empty())
+    if (const std::string near = closest_name(given.stem().string(), graph_names()); !near.empty())
         message += "; did you mean '" + near + "'?";
     message += "; searched: as a file";
     for (const fs::path& folder : folders) message += ", " + folder.string();
