@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/image/border.h"
 #include "tests/support/run_node.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
 namespace rayloom
@@ -37,6 +39,57 @@ TEST(LocalVariance, IsUnbiasedForNormalNoiseOnARamp)
     const auto run = run_node("transform.local_variance", {}, {{"image", {&image}}});
     ASSERT_EQ(run.image("variance").desc.channels, (std::vector<std::string>{"R", "G", "B"}));
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(mean_of(run.image("variance"), c), 0.25, 0.01);
+}
+
+TEST(LocalVariance, ABrightPixelIsSeenAsFarOnEachSide)
+{
+    const TestImage spike = make_image(
+        {0, 0, 41, 41}, {"Y"}, [](int, int x, int y) { return x == 20 && y == 20 ? 1.0f : 0.0f; });
+    const auto run = run_node("transform.local_variance", {}, {{"image", {&spike}}});
+    const ConstImageView seen = run.image("variance").view();
+    EXPECT_GT(seen.at(0, 20, 20), 0.0f);
+    for (int d = 1; d <= 20; ++d) {
+        EXPECT_EQ(seen.at(0, 20 - d, 20), seen.at(0, 20 + d, 20)) << d;
+        EXPECT_EQ(seen.at(0, 20, 20 - d), seen.at(0, 20, 20 + d)) << d;
+    }
+}
+
+TEST(LocalVariance, FollowsTheDefinitionUpToItsFactor)
+{
+    // Second differences across and down, the smaller square of both, its mean over what is inside.
+    const Region window{0, 0, 17, 13};
+    std::mt19937 random(4);
+    std::normal_distribution<float> noise(0.0f, 1.0f);
+    const TestImage image = make_image(window, {"R", "G", "B"}, [&](int c, int, int) {
+        return static_cast<float>(1 + 3 * c) * noise(random);
+    });
+    const auto run =
+        run_node("transform.local_variance", {{"radius", std::int64_t{2}}}, {{"image", {&image}}});
+    const auto square = [&](int c, int x, int y) {
+        const auto value = [&](int u, int v) {
+            return static_cast<double>(
+                image.view().at(c, border_index(u, 0, window.x1, Border::mirror),
+                                border_index(v, 0, window.y1, Border::mirror)));
+        };
+        const double h = 2 * value(x, y) - value(x - 1, y) - value(x + 1, y);
+        const double v = 2 * value(x, y) - value(x, y - 1) - value(x, y + 1);
+        return std::min(h * h, v * v);
+    };
+    double factor = 0.0;
+    for (int c = 0; c < 3; ++c)
+        for (int y = 0; y < window.y1; ++y)
+            for (int x = 0; x < window.x1; ++x) {
+                const Region around =
+                    Region{x, y, x + 1, y + 1}.grown(Halo::all(2)).intersect(window);
+                double sum = 0.0;
+                for (int v = around.y0; v < around.y1; ++v)
+                    for (int u = around.x0; u < around.x1; ++u) sum += square(c, u, v);
+                const double mean = sum / static_cast<double>(around.pixels());
+                const double ratio =
+                    static_cast<double>(run.image("variance").view().at(c, x, y)) / mean;
+                if (factor == 0.0) factor = ratio;
+                ASSERT_NEAR(ratio, factor, 1e-5 * factor) << c << " " << x << " " << y;
+            }
 }
 
 TEST(LocalVariance, EdgesInOneDirectionAreNotNoise)
