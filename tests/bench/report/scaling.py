@@ -3,6 +3,7 @@
 
 import math
 import pathlib
+import re
 import shutil
 import tempfile
 
@@ -10,16 +11,34 @@ import scenes as scene_files
 from common import BenchError, file_hash, run, say
 
 
-def mirrored(source, target, width, height, side):
+def channels_of(source):
+    """Channel names of each part, in the file's order, and whether all are half."""
+    text = run(["oiiotool", "--info", "-v", "-a", source]).out
+    found = []
+    for line in re.findall(r"channel list: (.*)", text):
+        names = [re.fullmatch(r"(.*?)(?: \((\w+)\))?", name).groups() for name in line.split(", ")]
+        found.append(([name for name, _ in names], all(kind in (None, "half") for _, kind in names)))
+    return found
+
+
+def mirrored(source, target, width, height, side, parts):
     """Fills width × height with mirrored copies of an image of `side`: real noise of any size, without
     seams that a filter would see."""
     columns = math.ceil(width / (2 * side[0]))
     rows = math.ceil(height / (2 * side[1]))
-    # One block of 2×2: the image, and what mirrors show of it.
-    run(["oiiotool", source, source, "--flop", source, "--flip", source, "--flip", "--flop",
-         "--mosaic:pad=0", "2x2",
-         *(["--dup"] * (columns * rows - 1)), "--mosaic:pad=0", f"{columns}x{rows}",
-         "--cut", f"{width}x{height}+0+0", "-o", target])
+    made = []
+    for number, (part, (names, half)) in enumerate(zip(parts, channels_of(source))):
+        one = ["-i:subimage=%d" % number, source] if len(parts) > 1 else [source]
+        made.append(target.with_suffix(f".part{number}.exr"))
+        # One block of 2×2: the image, and what mirrors show of it. A mosaic forgets names.
+        run(["oiiotool", *one, *one, "--flop", *one, "--flip", *one, "--flip", "--flop",
+             "--mosaic:pad=0", "2x2",
+             *(["--dup"] * (columns * rows - 1)), "--mosaic:pad=0", f"{columns}x{rows}",
+             "--cut", f"{width}x{height}+0+0", "--chnames", ",".join(names), "-d", "half" if half else "float",
+             *(["--attrib", "oiio:subimagename", part["name"]] if part.get("name") else []), "-o", made[-1]])
+    run(["oiiotool", *made, *(["--siappendall"] if len(made) > 1 else []), "-o", target])
+    for file in made:
+        file.unlink()
 
 
 def prepare(case, program, width, height, folder):
@@ -30,12 +49,10 @@ def prepare(case, program, width, height, folder):
     made.mkdir(exist_ok=True)
     inputs = []
     for file in case.files:
-        if len(case.scene.info(program, file)["parts"]) > 1:
-            raise BenchError("files of several parts are not enlarged")
         target = made / file.relative_to(case.scene.folder)
         target.parent.mkdir(exist_ok=True)
         if not target.exists():
-            mirrored(file, target, width, height, side)
+            mirrored(file, target, width, height, side, case.scene.info(program, file)["parts"])
     for text in case.inputs:
         inputs.append(text.replace(str(case.scene.folder), str(made)))
     return inputs
