@@ -463,7 +463,7 @@ def broken_cache(bench):
         "emptied": lambda p: os.truncate(p, 0),
         "bits changed": change,
         "made longer": lambda p: p.write_bytes(p.read_bytes() + b"more"),
-        "exchanged": lambda p: shutil.copy(bench.random.choice([e for e in entries if e.is_file()]), p),
+        "exchanged": lambda p: shutil.copy(bench.random.choice([e for e in entries if e.is_file() and e != p]), p),
         "a folder": folder,
     }
     for _ in range(1 + 19 * bench.soak):

@@ -7,6 +7,8 @@
 
 #include <gtest/gtest.h>
 
+#include <ostream>
+
 #include <algorithm>
 #include <cmath>
 
@@ -94,6 +96,11 @@ struct PublishedOutput {
     const char* kappa;
     int scales;
 };
+
+void PrintTo(const PublishedOutput& output, std::ostream* out)
+{
+    *out << output.spp << " spp, kappa " << output.kappa << ", " << output.scales << " scales";
+}
 
 class Published : public testing::TestWithParam<PublishedOutput>
 {
