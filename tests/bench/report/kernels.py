@@ -88,7 +88,9 @@ def oracle_pairs(entries):
             continue
         for other in entries:
             names = other["name"].split("/")
-            if names[0] == parts[0] and names[1] == parts[1][len("plain_"):] and other["threads"] == 1 and \
+            # Arguments such as noise:8 must be the same; sizes need not.
+            same = {p for p in parts if ":" in p} == {p for p in names if ":" in p}
+            if names[0] == parts[0] and names[1] == parts[1][len("plain_"):] and same and other["threads"] == 1 and \
                     "ns_per_pixel" in other:
                 other["times_faster_than_oracle"] = entry["ns_per_pixel"] / other["ns_per_pixel"]
 

@@ -66,7 +66,7 @@ def performance(data):
                               short(e.get("flops_per_pixel"), 6), short(e.get("flops_per_second", float("nan")) / 1e9),
                               f"{100 * e['share_of_limit']:.0f} % ({e['bound_by']})" if "share_of_limit" in e else "–",
                               f"× {e['times_faster_than_oracle']:.1f}" if "times_faster_than_oracle" in e else "–"]
-                             for e in data.kernels["entries"] if not is_node_run(e)])
+                             for e in data.kernels["entries"] if not is_node_run(e) and "/plain_" not in e["name"]])
         out += ("\nThe limit is the smaller of multiply-and-add and of memory bandwidth times operations per byte. One thread: "
                 "processor time; several: wall-clock time.\n\n")
         if rows := node_rows(data):
