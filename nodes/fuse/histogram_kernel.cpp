@@ -21,8 +21,9 @@ class Sweep
 {
 public:
     Sweep(const HistogramFusionSettings& settings, const Region& data, ConstImageView histogram,
-          ConstImageView image, int alpha)
-        : m_settings(settings), m_layout(settings, histogram.channels(), image.channels()),
+          ConstImageView image, int alpha, int strip_columns)
+        : m_settings(settings),
+          m_layout(settings, histogram.channels(), image.channels(), strip_columns),
           m_data(data), m_histogram(histogram), m_image(image), m_alpha(alpha)
     {
         const Layout& l = m_layout;
@@ -485,9 +486,11 @@ void fuse_histogram(const HistogramFusionSettings& settings, const Region& data,
                     ConstImageView histogram, ConstImageView image, int alpha, ImageView out,
                     ImageView matches, const std::function<void()>& each_row)
 {
-    Sweep sweep(settings, data, histogram, image, alpha);
     const Region& all = out.empty() ? matches.region() : out.region();
-    const int strips = (all.width() + strip_width - 1) / strip_width;
+    const int strips =
+        strip_count(all.width(), settings.window_radius + 2 * settings.patch_radius);
+    const int columns = (all.width() + strips - 1) / strips;
+    Sweep sweep(settings, data, histogram, image, alpha, columns);
     for (int i = 0; i < strips; ++i) {
         const int x0 = all.x0 + i * all.width() / strips,
                   x1 = all.x0 + (i + 1) * all.width() / strips;
