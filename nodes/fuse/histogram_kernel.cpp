@@ -23,8 +23,8 @@ public:
     Sweep(const HistogramFusionSettings& settings, const Region& data, ConstImageView histogram,
           ConstImageView image, int alpha, int strip_columns)
         : m_settings(settings),
-          m_layout(settings, histogram.channels(), image.channels(), strip_columns),
-          m_data(data), m_histogram(histogram), m_image(image), m_alpha(alpha)
+          m_layout(settings, histogram.channels(), image.channels(), strip_columns), m_data(data),
+          m_histogram(histogram), m_image(image), m_alpha(alpha)
     {
         const Layout& l = m_layout;
         const int padded = l.width + 2 * l.pad;
@@ -487,8 +487,7 @@ void fuse_histogram(const HistogramFusionSettings& settings, const Region& data,
                     ImageView matches, const std::function<void()>& each_row)
 {
     const Region& all = out.empty() ? matches.region() : out.region();
-    const int strips =
-        strip_count(all.width(), settings.window_radius + 2 * settings.patch_radius);
+    const int strips = strip_count(all.width(), settings.window_radius + 2 * settings.patch_radius);
     const int columns = (all.width() + strips - 1) / strips;
     Sweep sweep(settings, data, histogram, image, alpha, columns);
     for (int i = 0; i < strips; ++i) {
