@@ -7,6 +7,7 @@
 #include "rayloom/core/registry.h"
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
+#include "tests/support/folders.h"
 #include "tests/support/made_up_input.h"
 
 #include <benchmark/benchmark.h>
@@ -80,13 +81,14 @@ void add_all()
         const std::string config = "config: config.ocio";
         if (const std::size_t at = text.find(config); at != std::string::npos)
             text.replace(at, config.size(),
-                         "config: " RAYLOOM_SOURCE_DIR "/tests/data/ocio/config.ocio");
+                         "config: " + test::source_folder().string() +
+                             "/tests/data/ocio/config.ocio");
         const Graph graph = parse_graph(text, node->name);
         if (std::ranges::none_of(graph.nodes,
                                  [](const GraphNode& n) { return n.op.starts_with("io."); }))
             add(node->name + "/example", graph);
     }
-    const std::filesystem::path folder = RAYLOOM_SOURCE_DIR "/graphs";
+    const std::filesystem::path folder = test::source_folder() / "graphs";
     for (const auto& entry : std::filesystem::directory_iterator(folder))
         if (entry.path().extension() == ".yaml")
             add("graph/" + entry.path().stem().string(), read_graph(entry.path().string()));

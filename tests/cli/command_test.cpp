@@ -3,6 +3,7 @@
 #include "rayloom/engine/load_image.h"
 #include "tests/support/command.h"
 #include "tests/support/engine_nodes_for_tests.h"
+#include "tests/support/folders.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -29,7 +30,7 @@ using ::testing::IsEmpty;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-const fs::path source = RAYLOOM_SOURCE_DIR;
+const fs::path source = test::source_folder();
 const fs::path scene = source / "tests/data/cycles/interior";
 
 std::string stack_input(const fs::path& folder = scene)
@@ -439,7 +440,7 @@ TEST_F(Command, SlipsOnTheCommandLineAreUnderstood)
 TEST_F(Command, WhatCannotBePrintedIsAnError)
 {
     const CommandResult r = run_command(
-        {"sh", "-c", std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom nodes > /dev/full"}, folder());
+        {"sh", "-c", test::build_folder().string() + "/bin/rayloom nodes > /dev/full"}, folder());
     EXPECT_EQ(r.exit_code, 4) << r.err;
 }
 
@@ -470,7 +471,7 @@ TEST_F(Command, CompletesWhatIsTyped)
     const auto completed = [&](const std::string& words, int at) {
         const CommandResult r = run_command(
             {"bash", "-c",
-             "PATH='" + std::string(RAYLOOM_BINARY_DIR) +
+             "PATH='" + test::build_folder().string() +
                  "/bin':$PATH; compopt() { :; }; . ./rayloom.bash; COMP_WORDS=(" + words +
                  "); COMP_CWORD=" + std::to_string(at) + "; _rayloom; echo \"${COMPREPLY[*]}\""},
             folder());

@@ -2,6 +2,7 @@
 // The pages under docs/ say what the command does: their examples run, their options exist, and the
 // node pages are those the nodes themselves make.
 #include "tests/support/command.h"
+#include "tests/support/folders.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,7 +21,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-const fs::path source = RAYLOOM_SOURCE_DIR;
+const fs::path source = test::source_folder();
 
 std::string text_of(const fs::path& file)
 {
@@ -69,7 +70,7 @@ TEST(CommandPage, ItsExamplesRun)
         if (language != "sh") continue;
         ++examples;
         const CommandResult r = run_command(
-            {"sh", "-e", "-c", "PATH='" + std::string(RAYLOOM_BINARY_DIR) + "/bin':$PATH\n" + text},
+            {"sh", "-e", "-c", "PATH='" + test::build_folder().string() + "/bin':$PATH\n" + text},
             folder.path());
         EXPECT_EQ(r.exit_code, 0) << text << r.err;
     }

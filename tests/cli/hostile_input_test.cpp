@@ -6,6 +6,7 @@
 #include "tests/image/image_files.h"
 #include "tests/support/command.h"
 #include "tests/support/engine_nodes_for_tests.h"
+#include "tests/support/folders.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -28,7 +29,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const fs::path source = RAYLOOM_SOURCE_DIR;
+const fs::path source = test::source_folder();
 const fs::path scene = source / "tests/data/cycles/interior";
 const char* const rhf = "ray-histogram-fusion-stack";
 const char* const twice =
@@ -148,7 +149,7 @@ TEST_F(HostileInput, AFullDiskKeepsTheEarlierFile)
     // Files of this process may not grow beyond 8 KiB: what a full disk looks like from inside.
     const CommandResult r =
         run_command({"sh", "-c", "trap '' XFSZ; ulimit -f 16; exec \"$0\" \"$@\"",
-                     std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom", "run", rhf, "-i",
+                     test::build_folder().string() + "/bin/rayloom", "run", rhf, "-i",
                      "stack=s%02d.exr@1-4", "-o", "image=out.exr"},
                     file("").parent_path());
     EXPECT_EQ(r.exit_code, 4) << r.err;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/graph/reader.h"
+#include "tests/support/folders.h"
 
 #include <gtest/gtest.h>
 
@@ -15,7 +16,7 @@ namespace
 TEST(FormatDoc, ExamplesAreRead)
 {
     const std::string page = "docs/graph-format.md";
-    std::ifstream file(std::string(RAYLOOM_SOURCE_DIR) + "/" + page);
+    std::ifstream file(test::source_folder().string() + "/" + page);
     ASSERT_TRUE(file);
     std::string line;
     std::string block;

@@ -2,6 +2,7 @@
 #include "rayloom/graph/picture.h"
 
 #include "rayloom/graph/reader.h"
+#include "tests/support/folders.h"
 #include "tests/support/graph_nodes.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +22,7 @@ protected:
     static void SetUpTestSuite() { test::register_graph_nodes(); }
     static Graph everything()
     {
-        return read_graph(std::string(RAYLOOM_SOURCE_DIR) +
+        return read_graph(test::source_folder().string() +
                           "/tests/data/graphs/good/everything.yaml");
     }
 };

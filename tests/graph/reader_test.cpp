@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/graph/reader.h"
 
+#include "tests/support/folders.h"
 #include "tests/support/graph_nodes.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +21,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-const fs::path graphs_folder = fs::path(RAYLOOM_SOURCE_DIR) / "tests" / "data" / "graphs";
+const fs::path graphs_folder = test::source_folder() / "tests" / "data" / "graphs";
 
 std::string file_text(const fs::path& path)
 {

@@ -3,6 +3,7 @@
 
 #include "rayloom/core/registry.h"
 #include "rayloom/graph/yaml.h"
+#include "tests/support/folders.h"
 #include "tests/support/graph_nodes.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +23,7 @@ namespace
 
 namespace fs = std::filesystem;
 
-const fs::path graphs_folder = fs::path(RAYLOOM_SOURCE_DIR) / "tests" / "data" / "graphs";
+const fs::path graphs_folder = test::source_folder() / "tests" / "data" / "graphs";
 
 class Schema : public testing::Test
 {

@@ -2,6 +2,7 @@
 #include "rayloom/image/renderer_map.h"
 
 #include "tests/image/image_files.h"
+#include "tests/support/folders.h"
 
 #include <algorithm>
 
@@ -11,9 +12,9 @@ namespace
 {
 using namespace test;
 
-const std::string maps_folder = std::string(RAYLOOM_SOURCE_DIR) + "/graphs/renderers";
+const std::string maps_folder = test::source_folder().string() + "/graphs/renderers";
 const std::string cycles_file =
-    std::string(RAYLOOM_SOURCE_DIR) + "/tests/data/cycles/dof/noisy_16.exr";
+    test::source_folder().string() + "/tests/data/cycles/dof/noisy_16.exr";
 
 std::vector<Channel> channels(const std::vector<std::string>& names)
 {

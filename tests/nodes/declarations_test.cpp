@@ -2,6 +2,7 @@
 /// What every registered node owes to whoever reads its help: checked here for all, so that a new
 /// node is held to it without a test of its own.
 #include "rayloom/core/registry.h"
+#include "tests/support/folders.h"
 
 #include <gtest/gtest.h>
 
@@ -91,7 +92,7 @@ bool registers_a_node(const fs::path& file)
 
 TEST(Declarations, EveryNodeFileHasItsTest)
 {
-    const fs::path source = RAYLOOM_SOURCE_DIR;
+    const fs::path source = test::source_folder();
     std::size_t seen = 0;
     for (const auto& entry : fs::recursive_directory_iterator(source / "nodes")) {
         const fs::path& file = entry.path();

@@ -2,6 +2,7 @@
 #include "rayloom/stats/error_measures.h"
 
 #include "rayloom/core/error.h"
+#include "tests/support/folders.h"
 
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
@@ -382,11 +383,11 @@ protected:
         char number[32];
         std::snprintf(number, sizeof number, "%.17g", pixels_per_degree);
         const std::string command =
-            m_python + " '" RAYLOOM_SOURCE_DIR "/tests/oracle/error_measures_numpy.py' " +
-            std::to_string(s.image.region().width()) + " " +
-            std::to_string(s.image.region().height()) + " " + std::to_string(s.image.channels()) +
-            " " + number + " '" + write(s.image, "image.raw") + "' '" +
-            write(s.reference, "reference.raw") + "'";
+            m_python + " '" + test::source_folder().string() +
+            "/tests/oracle/error_measures_numpy.py' " + std::to_string(s.image.region().width()) +
+            " " + std::to_string(s.image.region().height()) + " " +
+            std::to_string(s.image.channels()) + " " + number + " '" + write(s.image, "image.raw") +
+            "' '" + write(s.reference, "reference.raw") + "'";
         std::string json;
         FILE* pipe = ::popen(command.c_str(), "r");
         ASSERT_NE(pipe, nullptr);

@@ -4,6 +4,7 @@
 // node that loses one fails, and a new node is asked for its line.
 #include "rayloom/engine/run.h"
 #include "tests/stress/hostile_images.h"
+#include "tests/support/folders.h"
 #include "tests/support/made_up_input.h"
 #include "tests/support/subjects.h"
 
@@ -240,7 +241,7 @@ std::set<std::string> measured(const Graph& graph)
 
 std::map<std::string, std::set<std::string>> listed()
 {
-    std::ifstream file(RAYLOOM_SOURCE_DIR "/tests/stress/invariants.txt");
+    std::ifstream file(test::source_folder() / "tests/stress/invariants.txt");
     std::map<std::string, std::set<std::string>> list;
     for (std::string line; std::getline(file, line);) {
         std::istringstream words(line.substr(0, line.find('#')));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/support/command.h"
 
+#include "tests/support/folders.h"
+
 #include <fcntl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -61,7 +63,7 @@ CommandResult run_command(const std::vector<std::string>& arguments, const fs::p
 
 StartedCommand::StartedCommand(std::vector<std::string> arguments, const fs::path& folder)
 {
-    arguments.insert(arguments.begin(), std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom");
+    arguments.insert(arguments.begin(), test::build_folder().string() + "/bin/rayloom");
     std::vector<char*> argv;
     for (std::string& a : arguments) argv.push_back(a.data());
     argv.push_back(nullptr);
@@ -93,7 +95,7 @@ bool StartedCommand::says(const std::string& word) const
 CommandResult rayloom(std::vector<std::string> arguments, const fs::path& folder,
                       const std::vector<std::string>& environment)
 {
-    arguments.insert(arguments.begin(), std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom");
+    arguments.insert(arguments.begin(), test::build_folder().string() + "/bin/rayloom");
     return run_command(arguments, folder, environment);
 }
 

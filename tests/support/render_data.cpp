@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/support/render_data.h"
 
+#include "tests/support/folders.h"
+
 #include <OpenImageIO/imageio.h>
 
 #include <array>
@@ -13,7 +15,7 @@ namespace rayloom::test
 std::optional<std::filesystem::path> large_data()
 {
     if (const char* folder = std::getenv("RAYLOOM_DATA"); folder && *folder) return folder;
-    const std::filesystem::path source = RAYLOOM_SOURCE_DIR;
+    const std::filesystem::path source = test::source_folder();
     for (const char* above : {"../shared/data", "../../shared/data"})
         if (std::filesystem::is_directory(source / above)) return source / above;
     return std::nullopt;

@@ -3,6 +3,7 @@
 
 #include "rayloom/core/registry.h"
 #include "rayloom/graph/reader.h"
+#include "tests/support/folders.h"
 
 #include <algorithm>
 #include <cctype>
@@ -28,7 +29,7 @@ Graph example_graph(const std::string& node)
     const std::string config = "config: config.ocio";
     if (const std::size_t at = text.find(config); at != std::string::npos)
         text.replace(at, config.size(),
-                     "config: " RAYLOOM_SOURCE_DIR "/tests/data/ocio/config.ocio");
+                     "config: " + test::source_folder().string() + "/tests/data/ocio/config.ocio");
     return parse_graph(text, node);
 }
 
@@ -41,7 +42,7 @@ bool touches_files(const Graph& graph)
 std::vector<std::string> shipped_graphs()
 {
     std::vector<std::string> files;
-    for (const auto& entry : fs::directory_iterator(fs::path(RAYLOOM_SOURCE_DIR) / "graphs"))
+    for (const auto& entry : fs::directory_iterator(test::source_folder() / "graphs"))
         if (entry.path().extension() == ".yaml") files.push_back(entry.path().string());
     std::ranges::sort(files);
     return files;

@@ -2,6 +2,7 @@
 #include "nodes/fuse/nlm_kernel.h"
 #include "rayloom/core/registry.h"
 #include "tests/oracle/nlm.h"
+#include "tests/support/folders.h"
 #include "tests/support/render_data.h"
 #include "tests/support/run_node.h"
 
@@ -321,7 +322,7 @@ struct Render {
 };
 Render real_render(const char* scene, int samples)
 {
-    const auto folder = std::filesystem::path(RAYLOOM_SOURCE_DIR) / "tests/data/cycles" / scene;
+    const auto folder = test::source_folder() / "tests/data/cycles" / scene;
     const auto stack = test::read_stack(folder, samples);
     std::vector<const TestImage*> images;
     for (const TestImage& i : stack) images.push_back(&i);

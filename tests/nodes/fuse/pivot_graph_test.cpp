@@ -3,6 +3,7 @@
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 #include "tests/support/engine_nodes_for_tests.h"
+#include "tests/support/folders.h"
 #include "tests/support/made_up_input.h"
 #include "tests/support/made_up_render.h"
 #include "tests/support/render_data.h"
@@ -19,7 +20,7 @@ namespace rayloom::test
 namespace
 {
 
-const std::filesystem::path source = RAYLOOM_SOURCE_DIR;
+const std::filesystem::path source = test::source_folder();
 
 /// Mean of (difference² / (reference² + 0.01)) over the colours of both windows' overlap.
 double relative_error(ConstImageView image, ConstImageView reference)

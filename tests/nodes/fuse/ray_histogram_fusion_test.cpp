@@ -3,6 +3,7 @@
 /// The whole method, node by node, on real renders.
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
+#include "tests/support/folders.h"
 #include "tests/support/render_data.h"
 
 #include <gtest/gtest.h>
@@ -185,8 +186,7 @@ TEST(RayHistogramFusion, CyclesStacks)
 /// Beside the lamp of the Cornell box the published recursion leaves the ceiling black.
 TEST(RayHistogramFusion, LampDoesNotSpoilTheCeiling)
 {
-    const std::filesystem::path folder =
-        std::filesystem::path(RAYLOOM_SOURCE_DIR) / "tests/data/cycles/cornell";
+    const std::filesystem::path folder = test::source_folder() / "tests/data/cycles/cornell";
     const auto stack = test::read_stack(folder, 16);
     const TestImage reference = test::read_render(folder / "ref.exr", "ViewLayer.Combined");
     Settings settings;
@@ -219,8 +219,7 @@ TEST(RayHistogramFusion, LampDoesNotSpoilTheCeiling)
 
 TEST(RayHistogramFusion, CornellStackGetsNineTimesBetter)
 {
-    const std::filesystem::path folder =
-        std::filesystem::path(RAYLOOM_SOURCE_DIR) / "tests/data/cycles/cornell";
+    const std::filesystem::path folder = test::source_folder() / "tests/data/cycles/cornell";
     const auto stack = test::read_stack(folder, 16);
     const TestImage reference = test::read_render(folder / "ref.exr", "ViewLayer.Combined");
     auto order = pointers(stack);
@@ -236,7 +235,7 @@ TEST(RayHistogramFusion, CornellStackGetsNineTimesBetter)
 /// The graph files do what the nodes do one by one, with their own defaults and with parameters.
 TEST(RayHistogramFusion, GraphsAreTheNodesInOrder)
 {
-    const std::filesystem::path source = RAYLOOM_SOURCE_DIR;
+    const std::filesystem::path source = test::source_folder();
     const auto stack = test::read_stack(source / "tests/data/cycles/dof", 8);
     const auto memory = [](const TestImage& image) {
         auto copy = std::make_shared<MemoryImage>();

@@ -3,6 +3,7 @@
 #include "rayloom/engine/load_image.h"
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
+#include "tests/support/folders.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,7 +17,7 @@ namespace rayloom
 namespace
 {
 
-const std::filesystem::path source = RAYLOOM_SOURCE_DIR;
+const std::filesystem::path source = test::source_folder();
 
 RunRequest request_for(const std::filesystem::path& scene, int samples)
 {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/image/exr_reader.h"
 #include "tests/nodes/io/io_nodes.h"
+#include "tests/support/folders.h"
 
 #include <limits>
 
@@ -75,7 +76,7 @@ TEST(IoWrite, RealFileThroughATemplate)
 {
     const TemporaryFolder folder;
     const std::string path =
-        std::string(RAYLOOM_SOURCE_DIR) + "/tests/data/cycles/interior/noisy_16.exr";
+        test::source_folder().string() + "/tests/data/cycles/interior/noisy_16.exr";
     const auto file = ImageFile::open(path);
     const ImageReader reader(file, file->select("Combined"));
     ImageBuffer pixels(reader.desc().data, reader.desc().channel_count());

@@ -3,6 +3,7 @@
 /// Every entry of the oiio.* table against the oiiotool command on the same files, and in odd tiles
 /// against the whole image.
 #include "tests/nodes/oiio/oiiotool.h"
+#include "tests/support/folders.h"
 
 #include <gtest/gtest.h>
 
@@ -68,7 +69,7 @@ const std::map<std::string, TestImagePtr>& test_images()
     return images;
 }
 
-const std::string ocio = std::string(RAYLOOM_SOURCE_DIR) + "/tests/data/ocio/config.ocio";
+const std::string ocio = test::source_folder().string() + "/tests/data/ocio/config.ocio";
 
 std::vector<Case> cases()
 {

@@ -4,6 +4,7 @@
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 #include "tests/support/command.h"
+#include "tests/support/folders.h"
 #include "tests/support/log_graphs.h"
 #include "tests/support/render_data.h"
 
@@ -17,7 +18,7 @@ namespace rayloom::test
 namespace
 {
 
-const std::filesystem::path source = RAYLOOM_SOURCE_DIR;
+const std::filesystem::path source = test::source_folder();
 
 Graph graph(const std::string& name)
 {

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "tests/support/folders.h"
 #include "tests/support/render_data.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +19,7 @@ const std::vector<std::string> rgb{"R", "G", "B"};
 
 TEST(Flash, PassesOfARenderMakeItsPartialLight)
 {
-    const auto scene = std::filesystem::path(RAYLOOM_SOURCE_DIR) / "tests/data/cycles/interior";
+    const auto scene = test::source_folder() / "tests/data/cycles/interior";
     const auto file = scene / "noisy_16.exr";
     const std::vector<std::pair<const char*, const char*>> passes{
         {"diffuse_direct", "DiffDir"},
