@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
@@ -50,14 +51,12 @@ public:
     void plan(PlanContext& context) override
     {
         const std::size_t colours = context.input("image").colour().size();
+        if (colours != 1 && colours != 3)
+            throw NodeError("input 'image' has " + std::to_string(colours) +
+                            " colour channels; it must have R, G, B, or one channel");
         for (const char* port : {"image", "partial", "flash_unit"}) {
             if (!context.has(port)) continue;
-            context.require_same_window("image", port);
-            m_channels[port] = context.input(port).colour();
-            if (m_channels[port].size() != colours || (colours != 1 && colours != 3))
-                throw NodeError(std::string(port) + " has " +
-                                std::to_string(m_channels[port].size()) + " colour channels; " +
-                                "image, partial and flash_unit must have R, G, B, or one channel");
+            m_channels[port] = matching_colours(context, "image", port);
             context.reduce_needs(port);
         }
         if (!context.has("flash_unit"))

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/fuse/planes_guides.h"
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
-#include <cmath>
 #include <string>
 
 namespace rayloom
@@ -140,12 +140,7 @@ public:
         m_variance = first_of_run(variance, "variance");
         m_variances = static_cast<int>(variance.size());
         if (context.has("marked")) {
-            context.require_same_window("image", "marked");
-            const std::vector<int> marked = context.input("marked").colour();
-            if (marked.size() != colours.size())
-                throw NodeError("input 'marked' has " + std::to_string(marked.size()) +
-                                " channels, 'image' has " + std::to_string(colours.size()));
-            m_marked = first_of_run(marked, "marked");
+            m_marked = first_of_run(matching_colours(context, "image", "marked"), "marked");
         }
         m_settings.min_radius = m.min_radius;
         m_settings.max_radius = m.max_radius;

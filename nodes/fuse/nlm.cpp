@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/fuse/nlm_kernel.h"
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 #include "rayloom/image/border.h"
 
@@ -188,13 +189,11 @@ void NonLocalMeans::plan_list(PlanContext& context, const char* port,
                         "; every list must have one element a frame");
     for (std::size_t i = 0; i < m_frames; ++i) {
         context.require_same_window("image", port, i, i);
-        const std::vector<int> colour = context.input(port, i).colour();
+        const std::vector<int> colour = require_colours(context, port, i);
         if (i > 0 && colour != m_channels.*channels)
             throw NodeError(std::string("the frames of '") + port + "' have different channels");
         m_channels.*channels = colour;
     }
-    if ((m_channels.*channels).empty())
-        throw NodeError(std::string("'") + port + "' has no channel besides alpha");
 }
 
 void NonLocalMeans::plan(PlanContext& context)
@@ -257,9 +256,7 @@ void NonLocalMeans::plan(PlanContext& context)
                         " channels and 'image' " + std::to_string(m_colour.size()) + " colours");
 
     context.output("image", current);
-    std::vector<std::string> names;
-    for (const int c : m_colour) names.push_back(current.channels[static_cast<std::size_t>(c)]);
-    context.output("variance", current.with_channels(names));
+    context.output("variance", current.with_channels(channel_names(current, m_colour)));
     const Halo pixels = Halo::all(m_settings.window_radius);
     const Halo patches = Halo::all(m_settings.window_radius + m_settings.patch_radius);
     context.needs("image", context.has("guide") ? pixels : patches);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/fuse/planes_guides.h"
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
@@ -86,11 +87,7 @@ public:
         context.needs("coefficients", Halo::all(m.max_radius));
         m_guides.plan(context, m.max_radius);
         context.output("image", image);
-        for (int c = 0; c < image.channel_count(); ++c)
-            if (std::find(m_image.begin(), m_image.end(), c) == m_image.end()) {
-                m_passed.push_back(c);
-                context.pass_channel("image", c, "image", c);
-            }
+        m_passed.plan(context, "image", m_image);
         context.scratch(fuse_planes_scratch(m_settings, m_colours, m_guides.part_channels()));
     }
 
@@ -101,14 +98,11 @@ public:
         ImageBuffer filtered(region, m_colours);
         fuse_planes(m_settings, m_data, context.input("coefficients"), m_guides.views(context),
                     filtered.view(), [&] { context.check_cancelled(); });
-        for (int y = region.y0; y < region.y1; ++y) {
+        for (int y = region.y0; y < region.y1; ++y)
             for (int c = 0; c < m_colours; ++c)
                 std::copy_n(filtered.view().row(c, y), region.width(),
                             out.row(m_image[static_cast<std::size_t>(c)], y));
-            for (const int c : m_passed)
-                std::copy_n(context.input("image").ptr(c, region.x0, y), region.width(),
-                            out.row(c, y));
-        }
+        m_passed.copy(context.input("image"), out);
     }
 
 private:
@@ -116,7 +110,8 @@ private:
     PlaneSettings m_settings;
     PlaneGuidePorts m_guides;
     Region m_data;
-    std::vector<int> m_image, m_passed;
+    std::vector<int> m_image;
+    PassedChannels m_passed;
     int m_colours = 0;
 };
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
 #include <cmath>
-#include <string>
 #include <vector>
 
 namespace rayloom
@@ -67,30 +67,15 @@ public:
     {
         const ImageDesc& image = context.input("image");
         m_data = image.data;
-        m_image = image.colour();
-        if (m_image.empty()) throw NodeError("input 'image' has no colour channel");
-        const auto colours = [&](const char* port, bool one_for_all) {
-            context.require_same_window("image", port);
-            std::vector<int> channels = context.input(port).colour();
-            if (one_for_all && channels.size() == 1) channels.resize(m_image.size(), channels[0]);
-            if (channels.size() != m_image.size())
-                throw NodeError("input '" + std::string(port) + "' has " +
-                                std::to_string(channels.size()) + " colour channels, 'image' has " +
-                                std::to_string(m_image.size()));
-            return channels;
-        };
-        m_original = colours("original", false);
-        m_variance = colours("variance", true);
-        if (context.has("marked")) m_marked = colours("marked", true);
+        m_image = require_colours(context, "image");
+        m_original = matching_colours(context, "image", "original");
+        m_variance = matching_colours(context, "image", "variance", ColourCount::same_or_one);
+        if (context.has("marked"))
+            m_marked = matching_colours(context, "image", "marked", ColourCount::same_or_one);
         for (const char* port : {"image", "original", "variance", "marked"})
             if (context.has(port)) context.needs(port, Halo::all(m.radius));
         context.output("image", image);
-        m_passed.clear();
-        for (int c = 0; c < image.channel_count(); ++c)
-            if (std::find(m_image.begin(), m_image.end(), c) == m_image.end()) {
-                m_passed.push_back(c);
-                context.pass_channel("image", c, "image", c);
-            }
+        m_passed.plan(context, "image", m_image);
     }
 
     void compute(const TileContext& context) const override
@@ -124,6 +109,7 @@ public:
             }
             mix_row(context, y, share);
         }
+        m_passed.copy(context.input("image"), context.output("image"));
     }
 
 private:
@@ -167,12 +153,12 @@ private:
                 to[x] = alone ? f[x] : s == 1.0f ? z[x] : f[x] + s * (z[x] - f[x]);
             }
         }
-        for (const int c : m_passed) std::copy_n(image.ptr(c, r.x0, y), r.width(), out.row(c, y));
     }
 
     Params m;
     Region m_data;
-    std::vector<int> m_image, m_original, m_variance, m_marked, m_passed;
+    std::vector<int> m_image, m_original, m_variance, m_marked;
+    PassedChannels m_passed;
 };
 
 RAYLOOM_NODE(Residual);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
-#include <string>
 #include <vector>
 
 namespace rayloom
@@ -49,30 +49,14 @@ public:
         m_base = context.has("base");
         if (n == 0 && !m_base) throw NodeError("nothing to add: connect 'images', 'base' or both");
         const ImageDesc& first = m_base ? context.input("base") : context.input("images", 0);
-        const std::vector<int> colours = first.colour();
-        m_colours.clear();
-        if (m_base) m_colours.push_back(colours);
-        for (std::size_t i = 0; i < n; ++i) {
-            const ImageDesc& image = context.input("images", i);
-            m_colours.push_back(image.colour());
-            if (m_colours.back().size() != colours.size())
-                throw NodeError("image " + std::to_string(i) + " has " +
-                                std::to_string(m_colours.back().size()) +
-                                " colour channels, the first has " +
-                                std::to_string(colours.size()));
-            if (image.data != first.data)
-                throw NodeError("image " + std::to_string(i) + " has data window " +
-                                image.data.text() + ", the first has " + first.data.text());
-        }
-        context.output("image", first);
         const char* port = m_base ? "base" : "images";
+        m_colours.clear();
+        if (m_base) m_colours.push_back(first.colour());
+        for (std::size_t i = 0; i < n; ++i)
+            m_colours.push_back(matching_colours(context, port, "images", ColourCount::same, i));
+        context.output("image", first);
         if (m_colours.size() == 1) context.pass_through("image", port);
-        m_passed.clear();
-        for (int c = 0; c < first.channel_count(); ++c)
-            if (std::find(colours.begin(), colours.end(), c) == colours.end()) {
-                m_passed.push_back(c);
-                context.pass_channel("image", c, port, c);
-            }
+        m_passed.plan(context, port, m_colours[0]);
     }
 
     void compute(const TileContext& context) const override
@@ -95,14 +79,13 @@ public:
                 float* to = out.row(m_colours[0][c], y);
                 for (std::size_t x = 0; x < sum.size(); ++x) to[x] = static_cast<float>(sum[x]);
             }
-            for (const int c : m_passed)
-                std::copy_n(image(0).ptr(c, r.x0, y), r.width(), out.row(c, y));
         }
+        m_passed.copy(image(0), out);
     }
 
 private:
     std::vector<std::vector<int>> m_colours; ///< [image]
-    std::vector<int> m_passed;
+    PassedChannels m_passed;
     bool m_base = false;
 };
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <cmath>
@@ -54,19 +55,12 @@ public:
 
     void plan(PlanContext& context) override
     {
-        m_names.clear();
-        for (const int c : context.input("low").colour())
-            m_names.push_back(context.input("low").channels[static_cast<std::size_t>(c)]);
+        m_names = channel_names(context.input("low"), require_colours(context, "low"));
         m_channels.clear();
         for (const char* port : {"low", "high", "reference", "image"}) {
             m_channels.emplace_back();
             if (!context.has(port)) continue;
-            context.require_same_window("low", port);
-            m_channels.back() = context.input(port).colour();
-            if (m_channels.back().size() != m_names.size() || m_names.empty())
-                throw NodeError(std::string(port) + " has " +
-                                std::to_string(m_channels.back().size()) +
-                                " colour channels and low " + std::to_string(m_names.size()));
+            m_channels.back() = matching_colours(context, "low", port);
             context.reduce_needs(port);
         }
         m_has_image = context.has("image");

@@ -73,18 +73,13 @@ Compute apply(PlanContext& context, const Arguments& arguments, Processor proces
     const ImageDesc& image = context.input("image");
     const std::vector<int> channels = colour_channels(image);
     context.output("image", image);
-    if (processor->isNoOp()) {
-        context.pass_through("image", "image");
-    } else {
-        for (int c = 0; c < image.channel_count(); ++c)
-            if (std::ranges::find(channels, c) == channels.end())
-                context.pass_channel("image", c, "image", c);
-    }
+    if (processor->isNoOp()) context.pass_through("image", "image");
     const bool unpremult = arguments.flag("unpremult");
-    return on_channels(
-        image, channels, [processor, unpremult](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
-            return OIIO::ImageBufAlgo::colorconvert(out, in, processor.get(), unpremult, roi, 1);
-        });
+    return on_channels(context, channels,
+                       [processor, unpremult](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
+                           return OIIO::ImageBufAlgo::colorconvert(out, in, processor.get(),
+                                                                   unpremult, roi, 1);
+                       });
 }
 
 Compute plan_colorconvert(PlanContext& context, const Arguments& arguments)
@@ -152,7 +147,7 @@ Compute on_pixels(PlanContext& context, OnImageBuf function)
     context.output("image", image);
     std::vector<int> all;
     for (int c = 0; c < image.channel_count(); ++c) all.push_back(c);
-    return on_channels(image, std::move(all), std::move(function));
+    return on_channels(context, std::move(all), std::move(function));
 }
 
 Compute plan_saturate(PlanContext& context, const Arguments& arguments)
@@ -165,9 +160,7 @@ Compute plan_saturate(PlanContext& context, const Arguments& arguments)
     const float scale = arguments.real("scale");
     if (scale == 1.0f) context.note("scale 1 leaves colours as they are but for rounding");
     context.output("image", image);
-    for (int c = 0; c < image.channel_count(); ++c)
-        if (std::ranges::find(rgb, c) == rgb.end()) context.pass_channel("image", c, "image", c);
-    return on_channels(image, rgb, [scale](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
+    return on_channels(context, rgb, [scale](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
         return OIIO::ImageBufAlgo::saturate(out, in, scale, 0, roi, 1);
     });
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/oiio/imagebuf_bridge.h"
+#include "rayloom/core/colour_channels.h"
 
 #include <algorithm>
-#include <cstring>
 #include <numeric>
 
 namespace rayloom::oiio
@@ -126,30 +126,25 @@ Compute on_imagebuf(ImageDesc input, ImageDesc output, OnImageBuf function)
     };
 }
 
-Compute on_channels(const ImageDesc& image, std::vector<int> channels, OnImageBuf function)
+Compute on_channels(PlanContext& context, std::vector<int> channels, OnImageBuf function)
 {
-    std::vector<std::string> names;
-    for (const int c : channels) names.push_back(image.channels[static_cast<std::size_t>(c)]);
-    std::vector<int> others;
-    for (int c = 0; c < image.channel_count(); ++c)
-        if (std::ranges::find(channels, c) == channels.end()) others.push_back(c);
-    return [part = image.with_channels(names), channels = std::move(channels),
-            others = std::move(others), function = std::move(function)](const TileContext& tile) {
-        const Region& region = tile.region();
-        const ConstImageView view = tile.input("image").crop(region);
-        const ImageView out = tile.output("image");
-        const std::size_t row_bytes = static_cast<std::size_t>(region.width()) * sizeof(float);
-        tile.check_cancelled();
-        for (const int c : others)
-            for (int y = region.y0; y < region.y1; ++y)
-                std::memcpy(out.row(c, y), view.row(c, y), row_bytes);
-
-        OIIO::ImageBuf result = empty_imagebuf(part, region);
-        if (!function(result, to_imagebuf(view, channels, part),
-                      roi_of(region, part.channel_count())))
-            throw Error("OpenImageIO: " + result.geterror());
-        from_imagebuf(result, out, channels);
-    };
+    const ImageDesc& image = context.input("image");
+    PassedChannels others;
+    others.plan(context, "image", channels);
+    return
+        [part = image.with_channels(channel_names(image, channels)), channels = std::move(channels),
+         others = std::move(others), function = std::move(function)](const TileContext& tile) {
+            const Region& region = tile.region();
+            const ConstImageView view = tile.input("image").crop(region);
+            const ImageView out = tile.output("image");
+            tile.check_cancelled();
+            others.copy(view, out);
+            OIIO::ImageBuf result = empty_imagebuf(part, region);
+            if (!function(result, to_imagebuf(view, channels, part),
+                          roi_of(region, part.channel_count())))
+                throw Error("OpenImageIO: " + result.geterror());
+            from_imagebuf(result, out, channels);
+        };
 }
 
 Region with_clamped_border(const Region& region, const Region& display)

@@ -42,9 +42,9 @@ using OnImageBuf =
 /// Calls `function` for each region. `input` and `output` describe the whole images.
 Compute on_imagebuf(ImageDesc input, ImageDesc output, OnImageBuf function);
 
-/// As on_imagebuf() for an image that keeps its windows and channels, of which only `channels` are
-/// handed to `function`; the others are copied.
-Compute on_channels(const ImageDesc& image, std::vector<int> channels, OnImageBuf function);
+/// As on_imagebuf() for the image at port "image", which keeps its windows and channels, and of
+/// which only `channels` are handed to `function`; the others are passed on.
+Compute on_channels(PlanContext& context, std::vector<int> channels, OnImageBuf function);
 
 /// What of an image is read by a filter that reads `region` and, outside the data window, the
 /// nearest pixel of the display window (ImageBuf::WrapClamp).

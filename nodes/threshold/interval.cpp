@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 #include "rayloom/stats/quantiles.h"
 
@@ -82,13 +83,9 @@ public:
     void plan(PlanContext& context) override
     {
         const ImageDesc& mean = context.input("mean");
-        context.require_same_window("mean", "variance");
         m_window = mean.data;
-        m_mean = mean.colour();
-        m_variance = context.input("variance").colour();
-        if (m_mean.empty() || m_mean.size() != m_variance.size())
-            throw NodeError("mean has " + std::to_string(m_mean.size()) + " colours and variance " +
-                            std::to_string(m_variance.size()) + "; they must agree");
+        m_mean = require_colours(context, "mean");
+        m_variance = matching_colours(context, "mean", "variance");
         if (context.has("count")) {
             context.require_same_window("mean", "count");
         } else if (m.samples <= 0.0f) {
@@ -100,10 +97,8 @@ public:
         m_factors = StudentTable(1.0 - m.confidence, table_size).as_floats();
         m_neighbour_factor = m_factors[static_cast<std::size_t>(
             (2 * fallback_radius + 1) * (2 * fallback_radius + 1) - 2)];
-        std::vector<std::string> names;
-        for (const int c : m_mean) names.push_back(mean.channels[static_cast<std::size_t>(c)]);
         for (const char* port : {"low", "high", "half_width", "variance"})
-            context.output(port, mean.with_channels(names));
+            context.output(port, mean.with_channels(channel_names(mean, m_mean)));
         if (m.too_few == "neighbours") context.needs("mean", Halo::all(fallback_radius));
     }
 

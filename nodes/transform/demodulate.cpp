@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
-#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -58,35 +58,17 @@ public:
     void plan(PlanContext& context) override
     {
         const ImageDesc& image = context.input("image");
-        const ImageDesc& pivot = context.input("pivot");
-        context.require_same_window("image", "pivot");
-        m_image = image.colour();
-        m_pivot = pivot.colour();
-        if (m_image.empty()) throw NodeError("input 'image' has no colour channel");
-        if (m_pivot.size() == 1) m_pivot.resize(m_image.size(), m_pivot[0]);
-        if (m_pivot.size() != m_image.size())
-            throw NodeError("input 'pivot' has " + std::to_string(m_pivot.size()) +
-                            " colour channels, 'image' has " + std::to_string(m_image.size()) +
-                            "; they must agree, or the pivot have one");
+        m_image = require_colours(context, "image");
+        m_pivot = matching_colours(context, "image", "pivot", ColourCount::same_or_one);
         context.output("image", image);
-        std::vector<std::string> names;
-        for (const int c : m_image) names.push_back(image.channels[static_cast<std::size_t>(c)]);
-        context.output("marked", image.with_channels(names));
-        m_passed.clear();
-        for (int c = 0; c < image.channel_count(); ++c)
-            if (std::find(m_image.begin(), m_image.end(), c) == m_image.end()) {
-                m_passed.push_back(c);
-                context.pass_channel("image", c, "image", c);
-            }
+        const ImageDesc colours = image.with_channels(channel_names(image, m_image));
+        context.output("marked", colours);
+        m_passed.plan(context, "image", m_image);
         if (context.has("variance")) {
-            context.require_same_window("image", "variance");
-            m_variance = context.input("variance").colour();
-            if (m_variance.size() != m_image.size())
-                throw NodeError("input 'variance' has " + std::to_string(m_variance.size()) +
-                                " colour channels, 'image' has " + std::to_string(m_image.size()));
-            context.output("variance", image.with_channels(names));
+            m_variance = matching_colours(context, "image", "variance");
+            context.output("variance", colours);
         }
-        context.reduce(pivot.data, 2);
+        context.reduce(image.data, 2);
         context.reduce_needs("pivot");
     }
 
@@ -138,17 +120,15 @@ public:
                     if (vz) vz[x] = divide ? v[x] / p[x] / p[x] : v[x];
                 }
             }
-            if (context.wants("image"))
-                for (const int c : m_passed)
-                    std::copy_n(image.ptr(c, r.x0, y), r.width(),
-                                context.output("image").row(c, y));
         }
+        if (context.wants("image")) m_passed.copy(image, context.output("image"));
         if (marks > 0) context.count("values whose pivot is too small", marks);
     }
 
 private:
     Params m;
-    std::vector<int> m_image, m_pivot, m_variance, m_passed;
+    std::vector<int> m_image, m_pivot, m_variance;
+    PassedChannels m_passed;
     float m_limit = 0.0f;
 };
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
@@ -91,18 +92,11 @@ public:
                                       "(diffuse_direct, glossy_direct, …)");
         const std::string first = partial ? "partial" : light.front();
         const ImageDesc& desc = context.input(first);
-        std::vector<std::string> names;
-        for (const int c : desc.colour())
-            names.push_back(desc.channels[static_cast<std::size_t>(c)]);
-        m_count = names.size();
+        const std::vector<int> colours = desc.colour();
+        m_count = colours.size();
         const auto check = [&](const char* port) {
-            if (!port || !context.has(port)) return;
-            context.require_same_window(first, port);
-            m_channels[port] = context.input(port).colour();
-            if (m_channels[port].size() != m_count)
-                throw NodeError(std::string(port) + " has " +
-                                std::to_string(m_channels[port].size()) + " colour channels and " +
-                                first + " " + std::to_string(m_count));
+            if (port && context.has(port))
+                m_channels[port] = matching_colours(context, first, port);
         };
         check("partial");
         for (const Lobe& lobe : lobes) {
@@ -112,7 +106,7 @@ public:
         }
         check("flash_unit");
         if (!context.has("flash_unit")) context.note("no flash_unit: F is the partial light alone");
-        context.output("image", desc.with_channels(names));
+        context.output("image", desc.with_channels(channel_names(desc, colours)));
     }
 
     void compute(const TileContext& context) const override

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
-#include <string>
 #include <vector>
 
 namespace rayloom
@@ -65,10 +65,8 @@ public:
                 "a and b have different channels; they must be two halves of one render");
         m_window = a.data;
         m_channels = a.colour();
-        std::vector<std::string> names;
-        for (const int c : m_channels) names.push_back(a.channels[static_cast<std::size_t>(c)]);
         context.output("mean", a);
-        context.output("variance", a.with_channels(names));
+        context.output("variance", a.with_channels(channel_names(a, m_channels)));
         context.output("count", a.with_channels({"count"}));
         const int side = 2 * m.radius + 1;
         context.constant("count", static_cast<float>(side * side + 1));

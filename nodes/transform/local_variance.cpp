@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 #include "rayloom/image/border.h"
 
 #include <algorithm>
-#include <string>
 #include <vector>
 
 namespace rayloom
@@ -68,19 +68,11 @@ public:
     {
         const ImageDesc& image = context.input("image");
         m_window = image.data;
-        m_channels = image.colour();
-        if (m_channels.empty()) throw NodeError("image has no channel besides alpha");
-        std::vector<std::string> names;
-        for (const int c : m_channels) names.push_back(image.channels[static_cast<std::size_t>(c)]);
-        context.output("variance", image.with_channels(names));
+        m_channels = require_colours(context, "image");
+        context.output("variance", image.with_channels(channel_names(image, m_channels)));
         context.needs("image", Halo::all(m.radius + 1));
         if (!context.has("limit")) return;
-        context.require_same_window("image", "limit");
-        m_limit_channels = context.input("limit").colour();
-        if (m_limit_channels.size() != m_channels.size())
-            throw NodeError("image has " + std::to_string(m_channels.size()) +
-                            " colours and limit " + std::to_string(m_limit_channels.size()) +
-                            "; they must agree");
+        m_limit_channels = matching_colours(context, "image", "limit");
         context.needs("limit", Halo::all(m.radius));
     }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/transform/log_kernel.h"
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <array>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <numeric>
@@ -87,10 +87,8 @@ void Log::describe(Declaration<Params>& d)
 void Log::plan(PlanContext& context)
 {
     const ImageDesc& image = context.input("image");
-    m_channels = image.colour();
-    if (m_channels.empty()) throw NodeError("image has no colour channel to take the logarithm of");
-    std::vector<std::string> names;
-    for (const int c : m_channels) names.push_back(image.channels[static_cast<std::size_t>(c)]);
+    m_channels = require_colours(context, "image");
+    std::vector<std::string> names = channel_names(image, m_channels);
     if (m_params.opponent) {
         if (names.size() != 3)
             throw NodeError("opponent axes need three colour channels; the image has " +

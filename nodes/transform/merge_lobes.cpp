@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/transform/render_roles.h"
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
@@ -80,22 +81,16 @@ public:
         if (m_target.size() != m_beauty.size())
             throw NodeError("the render has no beauty layer with as many colour channels as "
                             "input 'beauty'");
-        std::vector<bool> written(render.channels.size(), false);
-        for (const int c : m_target) written[static_cast<std::size_t>(c)] = true;
+        std::vector<int> written = m_target;
         for (std::size_t i = 0; i < m_lobes.size(); ++i) {
             if (context.input("lobes", i).colour().size() != 3)
                 throw NodeError("lobe " + std::to_string(i) + " needs three colour channels");
             for (const int layer : m_lobes[i].light)
-                for (const int c : m_layers[static_cast<std::size_t>(layer)])
-                    written[static_cast<std::size_t>(c)] = true;
+                written.insert(written.end(), m_layers[static_cast<std::size_t>(layer)].begin(),
+                               m_layers[static_cast<std::size_t>(layer)].end());
         }
         context.output("image", render);
-        m_passed.clear();
-        for (int c = 0; c < render.channel_count(); ++c)
-            if (!written[static_cast<std::size_t>(c)]) {
-                m_passed.push_back(c);
-                context.pass_channel("image", c, "render", c);
-            }
+        m_passed.plan(context, "render", written);
         context.needs("layers", [](const Need&) { return Region{}; });
     }
 
@@ -107,9 +102,8 @@ public:
         const auto row = [&](int layer, std::size_t c, int y) {
             return render.ptr(m_layers[static_cast<std::size_t>(layer)][c], r.x0, y);
         };
+        m_passed.copy(render, out);
         for (int y = r.y0; y < r.y1; ++y) {
-            for (const int c : m_passed)
-                std::copy_n(render.ptr(c, r.x0, y), r.width(), out.row(c, y));
             for (std::size_t c = 0; c < m_target.size(); ++c)
                 std::copy_n(context.input("beauty").ptr(m_beauty[c], r.x0, y), r.width(),
                             out.row(m_target[c], y));
@@ -142,7 +136,8 @@ private:
     Params m;
     std::vector<Lobe> m_lobes;
     std::vector<std::vector<int>> m_layers; ///< [layer]: colour channels in the render
-    std::vector<int> m_beauty, m_target, m_passed;
+    std::vector<int> m_beauty, m_target;
+    PassedChannels m_passed;
 };
 RAYLOOM_NODE(MergeLobes);
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
-#include <algorithm>
-#include <string>
 #include <vector>
 
 namespace rayloom
@@ -48,30 +47,15 @@ public:
 
     void plan(PlanContext& context) override
     {
-        const ImageDesc& image = context.input("image");
-        m_image = image.colour();
-        if (m_image.empty()) throw NodeError("input 'image' has no colour channel");
-        const auto colours = [&](const char* port, bool one_for_all) {
-            context.require_same_window("image", port);
-            std::vector<int> channels = context.input(port).colour();
-            if (one_for_all && channels.size() == 1) channels.resize(m_image.size(), channels[0]);
-            if (channels.size() != m_image.size())
-                throw NodeError("input '" + std::string(port) + "' has " +
-                                std::to_string(channels.size()) + " colour channels, 'image' has " +
-                                std::to_string(m_image.size()));
-            return channels;
-        };
-        m_pivot = colours("pivot", true);
-        if (context.has("marked")) m_marked = colours("marked", true);
-        if (context.has("original")) m_original = colours("original", false);
+        m_image = require_colours(context, "image");
+        m_pivot = matching_colours(context, "image", "pivot", ColourCount::same_or_one);
+        if (context.has("marked"))
+            m_marked = matching_colours(context, "image", "marked", ColourCount::same_or_one);
+        if (context.has("original")) m_original = matching_colours(context, "image", "original");
         if (context.has("original") && !context.has("marked"))
             throw NodeError("'original' is only used where 'marked' says so; connect 'marked' too");
-        context.output("image", image);
-        for (int c = 0; c < image.channel_count(); ++c)
-            if (std::find(m_image.begin(), m_image.end(), c) == m_image.end()) {
-                m_passed.push_back(c);
-                context.pass_channel("image", c, "image", c);
-            }
+        context.output("image", context.input("image"));
+        m_passed.plan(context, "image", m_image);
     }
 
     void compute(const TileContext& context) const override
@@ -93,13 +77,13 @@ public:
                     m_original.empty() ? z : context.input("original").ptr(m_original[c], r.x0, y);
                 for (int x = 0; x < r.width(); ++x) to[x] = mark[x] != 0.0f ? keep[x] : z[x] * p[x];
             }
-            for (const int c : m_passed)
-                std::copy_n(image.ptr(c, r.x0, y), r.width(), out.row(c, y));
         }
+        m_passed.copy(image, out);
     }
 
 private:
-    std::vector<int> m_image, m_pivot, m_marked, m_original, m_passed;
+    std::vector<int> m_image, m_pivot, m_marked, m_original;
+    PassedChannels m_passed;
 };
 
 RAYLOOM_NODE(Modulate);

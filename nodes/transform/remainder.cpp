@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
-#include <string>
 #include <vector>
 
 namespace rayloom
@@ -51,26 +51,11 @@ public:
     {
         const ImageDesc& image = context.input("image");
         m_channels.assign(1, image.colour());
-        for (std::size_t i = 0; i < context.count("parts"); ++i) {
-            const ImageDesc& part = context.input("parts", i);
-            m_channels.push_back(part.colour());
-            if (m_channels.back().size() != m_channels[0].size())
-                throw NodeError("part " + std::to_string(i) + " has " +
-                                std::to_string(m_channels.back().size()) +
-                                " colour channels, the beauty has " +
-                                std::to_string(m_channels[0].size()));
-            if (part.data != image.data)
-                throw NodeError("part " + std::to_string(i) + " has data window " +
-                                part.data.text() + ", the beauty has " + image.data.text());
-        }
+        for (std::size_t i = 0; i < context.count("parts"); ++i)
+            m_channels.push_back(matching_colours(context, "image", "parts", ColourCount::same, i));
         context.output("image", image);
         if (m_channels.size() == 1) context.pass_through("image", "image");
-        m_passed.clear();
-        for (int c = 0; c < image.channel_count(); ++c)
-            if (std::find(m_channels[0].begin(), m_channels[0].end(), c) == m_channels[0].end()) {
-                m_passed.push_back(c);
-                context.pass_channel("image", c, "image", c);
-            }
+        m_passed.plan(context, "image", m_channels[0]);
     }
 
     void compute(const TileContext& context) const override
@@ -96,15 +81,14 @@ public:
                     below += to[x] < -0.01f * beauty[x] - 1e-4f ? 1 : 0;
                 }
             }
-            for (const int c : m_passed)
-                std::copy_n(image.ptr(c, r.x0, y), r.width(), out.row(c, y));
         }
+        m_passed.copy(image, out);
         if (below > 0) context.count("values whose passes hold more than the beauty", below);
     }
 
 private:
     std::vector<std::vector<int>> m_channels; ///< beauty, then parts
-    std::vector<int> m_passed;
+    PassedChannels m_passed;
 };
 RAYLOOM_NODE(Remainder);
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 
 #include <algorithm>
@@ -77,9 +78,7 @@ public:
         m_colours = m_channels[0].size() - (alpha ? 1 : 0);
         if (m_colours == 0)
             throw NodeError("input '" + std::string(port) + "' has no colour channel");
-        std::vector<std::string> names;
-        for (const int c : m_channels[0])
-            names.push_back(first.channels[static_cast<std::size_t>(c)]);
+        std::vector<std::string> names = channel_names(first, m_channels[0]);
         context.output("mean", first.with_channels(names));
         names.resize(m_colours);
         context.output("variance", first.with_channels(names));
