@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/multiscale/steerable_kernel.h"
 #include "rayloom/core/registry.h"
-#include "rayloom/image/border.h"
+#include "rayloom/image/mirrored.h"
 
 namespace rayloom
 {
@@ -69,11 +69,9 @@ public:
         }
         context.output_list("bands", std::move(bands));
         context.needs("image", [window = m_window, levels = m_levels](const Need& need) {
-            const Region r = steerable_need(
-                steerable_band(static_cast<int>(need.output_element), levels), need.region);
-            const IndexRange x = border_range(r.x0, r.x1, window.x0, window.x1, Border::mirror);
-            const IndexRange y = border_range(r.y0, r.y1, window.y0, window.y1, Border::mirror);
-            return Region{x.begin, y.begin, x.end, y.end};
+            const int band = static_cast<int>(need.output_element);
+            return mirrored_region(steerable_need(steerable_band(band, levels), need.region),
+                                   window);
         });
         context.scratch(steerable_analysis_scratch(
             steerable_band(steerable_band_count(m_levels) - 1, m_levels), m_window));

@@ -2,7 +2,7 @@
 #include "nodes/multiscale/steerable_kernel.h"
 
 #include "rayloom/core/error.h"
-#include "rayloom/image/border.h"
+#include "rayloom/image/mirrored.h"
 #include "rayloom/simd/row_filters.h"
 
 #include <array>
@@ -39,22 +39,6 @@ float synthesis_gain(int level, int orientation)
 {
     const double scale = std::numbers::sqrt2 * half_distance(level);
     return static_cast<float>((diagonal(orientation) ? 0.25 : 0.25 * std::numbers::sqrt2) / scale);
-}
-
-/// Copies the part of the mirrored image that `to` covers.
-void load_mirrored(const Region& window, ConstImageView image, ImageView to)
-{
-    const Region& r = to.region();
-    const int lo = std::clamp(window.x0, r.x0, r.x1), hi = std::clamp(window.x1, lo, r.x1);
-    for (int y = r.y0; y < r.y1; ++y) {
-        const int source = border_index(y, window.y0, window.y1, Border::mirror);
-        float* const out = to.row(0, y) - r.x0;
-        for (int x = r.x0; x < lo; ++x)
-            out[x] = image.at(0, border_index(x, window.x0, window.x1, Border::mirror), source);
-        if (lo < hi) std::copy_n(image.ptr(0, lo, source), hi - lo, out + lo);
-        for (int x = hi; x < r.x1; ++x)
-            out[x] = image.at(0, border_index(x, window.x0, window.x1, Border::mirror), source);
-    }
 }
 
 std::size_t width(const Region& r) { return static_cast<std::size_t>(r.width()); }
@@ -175,7 +159,8 @@ void steerable_analyse(const SteerableBand& band, const Region& window, ConstIma
     ConstImageView in = image;
     if (!image.region().contains(need) || !window.contains(need)) {
         mirrored.reshape(need, 1);
-        load_mirrored(window, image, mirrored.view());
+        for (int y = need.y0; y < need.y1; ++y)
+            load_mirrored_row(image, window, y, need, mirrored.view().row(0, y));
         in = mirrored.view();
     }
     if (band.kind == SteerableBand::Kind::high) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/transform/spread_kernel.h"
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
-#include "rayloom/image/border.h"
+#include "rayloom/image/mirrored.h"
 
-#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -69,37 +69,22 @@ public:
 
     void plan(PlanContext& context) override
     {
-        context.require_same_window("image", "reference");
         const ImageDesc& image = context.input("image");
-        const ImageDesc& reference = context.input("reference");
         m_window = image.data;
-        m_reference_channels = reference.colour();
         m_channels = image.colour();
-        if (m_reference_channels.size() != m_channels.size())
-            throw NodeError("image has " + std::to_string(m_channels.size()) +
-                            " colour channels and reference " +
-                            std::to_string(m_reference_channels.size()) +
-                            " colour channels; they are to be the same");
+        m_reference_channels = matching_colours(context, "image", "reference");
         context.output("image", image);
         if (m_scale == 0) {
             context.pass_through("image", "image");
             return;
         }
-        m_passed.clear();
-        for (int c = 0; c < image.channel_count(); ++c)
-            if (std::find(m_channels.begin(), m_channels.end(), c) == m_channels.end()) {
-                m_passed.push_back(c);
-                context.pass_channel("image", c, "image", c);
-            }
+        m_passed.plan(context, "image", m_channels);
         for (const auto& [port, times] :
              {std::pair{"image", m_share ? 2 : 1}, std::pair{"reference", 1}})
-            context.needs(port, [window = m_window,
-                                 halo = times * spread_reach(m_scale)](const Need& need) {
-                const Region r = need.region.grown(Halo::all(halo));
-                const IndexRange x = border_range(r.x0, r.x1, window.x0, window.x1, Border::mirror);
-                const IndexRange y = border_range(r.y0, r.y1, window.y0, window.y1, Border::mirror);
-                return Region{x.begin, y.begin, x.end, y.end};
-            });
+            context.needs(
+                port, [window = m_window, halo = times * spread_reach(m_scale)](const Need& need) {
+                    return mirrored_region(need.region.grown(Halo::all(halo)), window);
+                });
         context.scratch(restore_energy_scratch(m_scale, m_window));
     }
 
@@ -114,17 +99,15 @@ public:
                     reference.channel_range(m_reference_channels[k], 1),
                     out.channel_range(m_channels[k], 1));
         }
-        const Region& r = context.region();
-        for (const int c : m_passed)
-            for (int y = r.y0; y < r.y1; ++y)
-                std::copy_n(image.ptr(c, r.x0, y), r.width(), out.row(c, y));
+        m_passed.copy(image, out);
     }
 
 private:
     int m_scale;
     bool m_share;
     Region m_window;
-    std::vector<int> m_channels, m_reference_channels, m_passed;
+    std::vector<int> m_channels, m_reference_channels;
+    PassedChannels m_passed;
 };
 
 RAYLOOM_NODE(RestoreMean);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/transform/spread_kernel.h"
 
-#include "rayloom/image/border.h"
+#include "rayloom/image/mirrored.h"
 #include "rayloom/simd/row_filters.h"
 
 #include <algorithm>
@@ -40,21 +40,6 @@ void spread(int scale, const Region& r, ImageBuffer& in, ImageBuffer& between, I
     }
 }
 
-/// Row y of `from`, mirrored beyond the window, over the columns of `region`.
-void load_mirrored(ConstImageView from, const Region& window, int y, const Region& region,
-                   float* to)
-{
-    const auto mirror_x = [&](int x) {
-        return border_index(x, window.x0, window.x1, Border::mirror);
-    };
-    const int source = border_index(y, window.y0, window.y1, Border::mirror);
-    const int lo = std::clamp(window.x0, region.x0, region.x1);
-    const int hi = std::clamp(window.x1, lo, region.x1);
-    for (int x = region.x0; x < lo; ++x) to[x - region.x0] = from.at(0, mirror_x(x), source);
-    if (lo < hi) std::copy_n(from.ptr(0, lo, source), hi - lo, to + (lo - region.x0));
-    for (int x = hi; x < region.x1; ++x) to[x - region.x0] = from.at(0, mirror_x(x), source);
-}
-
 } // namespace
 
 std::size_t restore_energy_scratch(int scale, const Region& region)
@@ -69,12 +54,9 @@ void restore_energy(int scale, const Region& window, ConstImageView image, Const
     const Region once = r.grown(Halo::all(spread_reach(scale)));
     const Region twice = r.grown(Halo::all(2 * spread_reach(scale)));
     ImageBuffer share(twice, 1), between, other;
-    const auto load_row = [&](ConstImageView from, int y, const Region& to_region, float* to) {
-        load_mirrored(from, window, y, to_region, to);
-    };
     for (int y = twice.y0; y < twice.y1; ++y) {
         float* const to = share.view().row(0, y);
-        load_row(image, y, twice, to);
+        load_mirrored_row(image, window, y, twice, to);
         for (int i = 0; i < twice.width(); ++i) to[i] = to[i] > 0.0f ? to[i] : 0.0f;
     }
     spread(scale, once, share, between, other);
@@ -84,7 +66,7 @@ void restore_energy(int scale, const Region& window, ConstImageView image, Const
     std::vector<float> n(static_cast<std::size_t>(once.width()));
     constexpr float least = 1e-30f;
     for (int y = once.y0; y < once.y1; ++y) {
-        load_row(reference, y, once, n.data());
+        load_mirrored_row(reference, window, y, once, n.data());
         float* const to = share.view().row(0, y);
         if (y >= r.y0 && y < r.y1) {
             float* const keep = kept.view().row(0, y);
@@ -117,9 +99,9 @@ void restore_local_mean(int scale, const Region& window, ConstImageView image,
     ImageBuffer have(wide, 1), want(wide, 1), between, other;
     for (int y = wide.y0; y < wide.y1; ++y) {
         float* const f = have.view().row(0, y);
-        load_mirrored(image, window, y, wide, f);
+        load_mirrored_row(image, window, y, wide, f);
         for (int i = 0; i < wide.width(); ++i) f[i] = f[i] > 0.0f ? f[i] : 0.0f;
-        load_mirrored(reference, window, y, wide, want.view().row(0, y));
+        load_mirrored_row(reference, window, y, wide, want.view().row(0, y));
     }
     spread(scale, r, have, between, other);
     spread(scale, r, want, between, other);
