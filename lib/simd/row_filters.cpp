@@ -4,7 +4,8 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "lib/simd/row_filters.cpp"
 #include <hwy/foreach_target.h>
-#include <hwy/highway.h>
+
+#include "rayloom/simd/lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace rayloom
@@ -13,13 +14,13 @@ namespace HWY_NAMESPACE
 {
 namespace
 {
-namespace hn = hwy::HWY_NAMESPACE;
+using namespace simd::HWY_NAMESPACE;
 
 /// Stores pixel(d, i) at out + i: whole vectors, then single lanes with the same operations.
 template <class Pixel>
 HWY_INLINE void ForRow(std::size_t n, float* HWY_RESTRICT out, const Pixel& pixel)
 {
-    const hn::ScalableTag<float> d;
+    const D d;
     const hn::CappedTag<float, 1> one;
     const std::size_t lanes = hn::Lanes(d);
     std::size_t i = 0;

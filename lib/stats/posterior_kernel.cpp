@@ -8,7 +8,8 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "lib/stats/posterior_kernel.cpp"
 #include <hwy/foreach_target.h>
-#include <hwy/highway.h>
+
+#include "rayloom/simd/lanes-inl.h"
 
 #ifndef RAYLOOM_POSTERIOR_RULE
 #define RAYLOOM_POSTERIOR_RULE
@@ -55,7 +56,7 @@ namespace HWY_NAMESPACE
 {
 namespace
 {
-namespace hn = hwy::HWY_NAMESPACE;
+using namespace simd::HWY_NAMESPACE;
 
 using DD = hn::CappedTag<double, 16>;
 using VD = hn::Vec<DD>;

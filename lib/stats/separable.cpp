@@ -7,14 +7,15 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "lib/stats/separable.cpp"
 #include <hwy/foreach_target.h>
-#include <hwy/highway.h>
+
+#include "rayloom/simd/lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace rayloom
 {
 namespace HWY_NAMESPACE
 {
-namespace hn = hwy::HWY_NAMESPACE;
+using namespace simd::HWY_NAMESPACE;
 
 template <bool odd>
 HWY_ATTR double one_pixel(const double* const* rows, const double* w, std::size_t r, std::size_t i)

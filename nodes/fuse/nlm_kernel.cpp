@@ -11,7 +11,8 @@
 #define HWY_TARGET_INCLUDE "nodes/fuse/nlm_kernel.cpp"
 #include <hwy/aligned_allocator.h>
 #include <hwy/foreach_target.h>
-#include <hwy/highway.h>
+
+#include "rayloom/simd/lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace rayloom
@@ -20,10 +21,7 @@ namespace HWY_NAMESPACE
 {
 namespace
 {
-namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::ScalableTag<float>;
-using V = hn::Vec<D>;
-using M = hn::Mask<D>;
+using namespace simd::HWY_NAMESPACE;
 
 /// Offsets of one row of the window that are worked on together, so that what they share is loaded
 /// once and their rows stay in the first-level cache.
@@ -85,7 +83,7 @@ HWY_NOINLINE void SquaredDifferences(const float* HWY_RESTRICT here,
                                      std::ptrdiff_t out_stride)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int lanes = LaneCount();
     for (int x = 0; x < n; x += lanes) {
         if constexpr (fixed_channels == 3) {
             const V a = hn::LoadU(d, here + x), b = hn::LoadU(d, here + stride + x),
@@ -154,7 +152,7 @@ HWY_NOINLINE void FilterRows(const float* HWY_RESTRICT in, std::ptrdiff_t in_str
                              float* HWY_RESTRICT out)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d)), vectors = group.vectors, count = group.count;
+    const int lanes = LaneCount(), vectors = group.vectors, count = group.count;
     const PatchWeights<fixed_radius> patch(weights, radius);
     for (int v = 0; v < vectors; ++v) {
         const float* centre = in + v * lanes + radius;
@@ -201,7 +199,7 @@ template <int fixed_channels>
 HWY_NOINLINE void GateOneSample(const Group& group, const GateJob& job)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d)), vectors = group.vectors, count = group.count;
+    const int lanes = LaneCount(), vectors = group.vectors, count = group.count;
     const std::ptrdiff_t stride = job.stride;
     const auto slack = [&job](const OneSample& p, int c, int q, V& into_p, V& into_q) HWY_ATTR {
         const D tag;
@@ -256,7 +254,7 @@ template <int fixed_channels>
 HWY_NOINLINE void GateTwoSample(const Group& group, const GateJob& job)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d)), vectors = group.vectors, count = group.count;
+    const int lanes = LaneCount(), vectors = group.vectors, count = group.count;
     const std::ptrdiff_t stride = job.stride;
     const auto slack = [&job](const TwoSample& p, int c, int q) HWY_ATTR {
         const D tag;
@@ -302,7 +300,7 @@ template <NlmGate gate, int fixed_radius>
 HWY_NOINLINE void Weigh(const Group& group, const WeightJob& job)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d)), vectors = group.vectors, count = group.count;
+    const int lanes = LaneCount(), vectors = group.vectors, count = group.count;
     const int radius = fixed_radius >= 0 ? fixed_radius : job.radius;
     const float* const* rows = job.rows;
     const PatchWeights<fixed_radius> patch(job.patch, radius);
@@ -364,7 +362,7 @@ template <int channels, bool total, bool squared>
 HWY_NOINLINE void Add(const AddJob& job)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int lanes = LaneCount();
     for (int x = 0; x < job.width; x += lanes) {
         V sum[channels], weights = hn::Zero(d);
         float* to = job.sums + x;
@@ -426,7 +424,7 @@ public:
     Pairs(const NlmJob& job, const NlmFrame& other, std::span<const float> patch,
           hwy::AlignedFreeUniquePtr<float[]>& scratch, std::size_t& scratch_size)
         : m_job(job), m_here(job.frames[0]), m_there(other), m_both(&other == &job.frames[0]),
-          m_patch(patch), m_lanes(static_cast<int>(hn::Lanes(D())))
+          m_patch(patch), m_lanes(LaneCount())
     {
         const int reach = job.settings.window_radius, radius = job.settings.patch_radius;
         m_slots = 2 * radius + 1;

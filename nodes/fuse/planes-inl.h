@@ -11,7 +11,7 @@
 
 #include "nodes/fuse/planes_scene.h"
 
-#include <hwy/highway.h>
+#include "rayloom/simd/lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace rayloom
@@ -20,10 +20,7 @@ namespace HWY_NAMESPACE
 {
 namespace
 {
-namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::ScalableTag<float>;
-using V = hn::Vec<D>;
-using M = hn::Mask<D>;
+using namespace simd::HWY_NAMESPACE;
 
 /// Vectors that are worked on side by side: one alone waits for its own results most of the time.
 constexpr int side_by_side = 4;

@@ -193,7 +193,7 @@ public:
           m_x(x), m_y(job.y), m_largest(job.settings->max_radius)
     {
         const D d;
-        m_lanes = static_cast<int>(hn::Lanes(d));
+        m_lanes = LaneCount();
         m_channel = m_view.channel_stride();
         const float* const own = m_view.ptr(0, x, m_y);
         for (int c = 0; c < C; ++c) reference[c] = hn::LoadU(d, own + (m_scene.z + c) * m_channel);
@@ -434,7 +434,7 @@ template <int C>
 void FitRow(const FitJob& job)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int lanes = LaneCount();
     const PlaneSettings& set = *job.settings;
     const V one = hn::Set(d, 1.0f), zero = hn::Zero(d);
     for (int x = job.part.x0; x < job.part.x1; x += lanes) {

@@ -54,7 +54,7 @@ template <int C>
 HWY_INLINE void Evaluate(const FuseJob& job, int plane, float dy, float* to)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int lanes = LaneCount();
     const V vy = hn::Set(d, dy);
     for (int c = 0; c < C; ++c) {
         const float* const b = job.planes + (2 + (plane * C + c) * 3 + 1) * job.stride;
@@ -155,8 +155,7 @@ private:
 template <int C, PlaneBlend blend>
 void FuseRows(const FuseJob& job)
 {
-    const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int lanes = LaneCount();
     const int down = job.y - job.cy, rows_away = std::abs(down);
     const auto dy = static_cast<float>(down);
     const std::ptrdiff_t values = C * job.stride;

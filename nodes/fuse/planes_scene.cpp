@@ -53,7 +53,7 @@ namespace
 bool NormaliseRow(float* x, float* y, float* z, float* none, int n)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int lanes = LaneCount();
     const V one = hn::Set(d, 1.0f), zero = hn::Zero(d);
     bool lacks = false;
     for (int i = 0; i < n; i += lanes) {
@@ -74,7 +74,7 @@ bool NormaliseRow(float* x, float* y, float* z, float* none, int n)
 void MakeLightRow(const LightRow& row)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int lanes = LaneCount();
     const V one = hn::Set(d, 1.0f), zero = hn::Zero(d);
     const V per_colour = hn::Set(d, 1.0f / static_cast<float>(row.colours));
     const V per_variance = hn::Set(d, 1.0f / static_cast<float>(row.variances));
@@ -114,7 +114,7 @@ void MakeLightRow(const LightRow& row)
 void MakeSourceRow(const SourceRow& row)
 {
     const D d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
+    const int lanes = LaneCount();
     const V zero = hn::Zero(d), one = hn::Set(d, 1.0f);
     const auto around = [&](const float* from, int i) HWY_ATTR {
         V sum = hn::LoadU(d, from + i);
