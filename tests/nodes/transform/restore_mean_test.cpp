@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -81,6 +82,95 @@ TEST(RestoreMean, FollowsItsDefinition)
                 ASSERT_NEAR(run.image().view().at(0, x, y), f[i] * share[i],
                             1e-5 * (1.0 + f[i] * share[i]));
     }
+}
+
+NodeRun balance(const TestImage& image, const TestImage& reference, const TestImage& weight,
+                int scale)
+{
+    return run_node("transform.restore_mean",
+                    {{"scale", std::int64_t{scale}}, {"mode", std::string("balance")}},
+                    {{"image", {&image}}, {"reference", {&reference}}, {"weight", {&weight}}});
+}
+
+TEST(RestoreMean, BalanceFollowsItsDefinition)
+{
+    for (const Region& window : {Region{-4, 2, 27, 21}, Region{0, 0, 1, 13}, Region{3, 3, 4, 4}}) {
+        const TestImage image = positive(window, 1), reference = positive(window, 2),
+                        weight = positive(window, 3);
+        const NodeRun run = balance(image, reference, weight, 3);
+        std::vector<double> f, n, w, wf;
+        for (int y = window.y0; y < window.y1; ++y)
+            for (int x = window.x0; x < window.x1; ++x) {
+                f.push_back(image.view().at(0, x, y));
+                n.push_back(reference.view().at(0, x, y));
+                w.push_back(weight.view().at(0, x, y));
+                wf.push_back(w.back() * f.back());
+            }
+        const std::vector<double> mean = spread(window, wf, 3);
+        std::vector<double> share = wf;
+        for (std::size_t i = 0; i < f.size(); ++i) share[i] /= mean[i];
+        const std::vector<double> shares = spread(window, share, 3);
+        std::vector<double> lost = wf;
+        for (std::size_t i = 0; i < f.size(); ++i) lost[i] = w[i] * (n[i] - f[i]) / shares[i];
+        const std::vector<double> handed = spread(window, lost, 3);
+        std::size_t i = 0;
+        for (int y = window.y0; y < window.y1; ++y)
+            for (int x = window.x0; x < window.x1; ++x, ++i) {
+                const double expected = std::max(0.0, f[i] + f[i] / mean[i] * handed[i]);
+                ASSERT_NEAR(run.image().view().at(0, x, y), expected, 2e-5 * (1.0 + expected));
+            }
+    }
+}
+
+TEST(RestoreMean, BalanceKeepsTheWeightedSum)
+{
+    const Region window{0, 0, 131, 89};
+    TestImage image = positive(window, 3), reference = positive(window, 4),
+              weight = positive(window, 5);
+    reference.view().at(0, 60, 50) = 1e5f;
+    for (int y = 0; y < 89; ++y)
+        for (int x = 0; x < 131; ++x) {
+            // What is filtered is below what it is made from, as after averaging logarithms.
+            image.view().at(0, x, y) = 0.2f + 0.1f * std::sin(0.1f * static_cast<float>(x + y));
+            reference.view().at(0, x, y) += 0.4f;
+            if (x > 100) weight.view().at(0, x, y) = 0.0f;
+        }
+    for (const int scale : {1, 3}) {
+        const NodeRun run = balance(image, reference, weight, scale);
+        double have = 0.0, want = 0.0;
+        for (int y = 0; y < 89; ++y)
+            for (int x = 0; x < 131; ++x) {
+                const double w = weight.view().at(0, x, y);
+                have += w * static_cast<double>(run.image().view().at(0, x, y));
+                want += w * static_cast<double>(reference.view().at(0, x, y));
+            }
+        EXPECT_NEAR(have / want, 1.0, 2e-6);
+        // What counts nothing stays as it was.
+        EXPECT_EQ(run.image().view().at(0, 105, 40), reference.view().at(0, 105, 40));
+    }
+}
+
+TEST(RestoreMean, BalanceLeavesWhatLostNothingToTheLastBit)
+{
+    const Region window{0, 0, 61, 47};
+    const TestImage image = positive(window, 6), weight = positive(window, 7);
+    EXPECT_EQ(differing_floats(balance(image, image, weight, 3).image(), image), 0u);
+}
+
+TEST(RestoreMean, ABrightLeftEdgeLeavesTheRightEdgeUntouched)
+{
+    const Region window{0, 0, 160, 20};
+    const TestImage reference = positive(window, 8), weight = positive(window, 9);
+    TestImage image = positive(window, 10), bright = positive(window, 10);
+    TestImage bright_reference = positive(window, 8);
+    for (int y = 0; y < 20; ++y)
+        bright.view().at(0, 0, y) = bright_reference.view().at(0, 0, y) = 1e6f;
+    const NodeRun dim = balance(image, reference, weight, 3),
+                  other = balance(bright, bright_reference, weight, 3);
+    // K is applied three times, and reaches 14 pixels.
+    for (int y = 0; y < 20; ++y)
+        for (int x = 43; x < 160; ++x)
+            ASSERT_EQ(dim.image().view().at(0, x, y), other.image().view().at(0, x, y)) << x;
 }
 
 TEST(RestoreMean, KeepsTheSum)
