@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 
@@ -66,6 +67,35 @@ BandMoments::BandMoments(std::span<const double> sums)
     : count(sums[0]), second(count > 0.0 ? sums[1] / count : 0.0),
       fourth(count > 0.0 ? sums[2] / count : 0.0), greatest(sums[3])
 {
+}
+
+namespace
+{
+/// Exponent and two bits of the mantissa number a bin; the first is that of 2^−24.
+constexpr int bin_shift = 21;
+constexpr std::int32_t first_bin = (127 - 24) << 2;
+} // namespace
+
+void SizeCounts::add(std::span<const float> values, std::span<double> sums)
+{
+    std::array<std::int32_t, size> counts{};
+    for (const float v : values) {
+        const auto bin = (std::bit_cast<std::int32_t>(std::fabs(v)) >> bin_shift) - first_bin;
+        counts[static_cast<std::size_t>(std::clamp(bin, 0, static_cast<std::int32_t>(size) - 1))] +=
+            v != 0.0f;
+    }
+    for (std::size_t i = 0; i < size; ++i) sums[i] += counts[i];
+}
+
+double SizeCounts::median(std::span<const double> sums)
+{
+    double total = 0.0, below = 0.0;
+    for (const double n : sums.first(size)) total += n;
+    if (total == 0.0) return 0.0;
+    std::size_t i = 0;
+    while (i + 1 < size && below + sums[i] < 0.5 * total) below += sums[i++];
+    return static_cast<double>(
+        std::bit_cast<float>((first_bin + static_cast<std::int32_t>(i) + 1) << bin_shift));
 }
 
 double BandMoments::sampling_error() const

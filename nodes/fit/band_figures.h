@@ -36,4 +36,12 @@ struct BandMoments {
     double sampling_error() const;
 };
 
+/// Counts of values by size, exactly zero not counted: four bins an octave from 2^−24 to 2^8.
+struct SizeCounts {
+    static constexpr std::size_t size = 128;
+    static void add(std::span<const float> values, std::span<double> sums);
+    /// The upper end of the bin that the median of the sizes lies in; 0 when there are none.
+    static double median(std::span<const double> sums);
+};
+
 } // namespace rayloom

@@ -39,24 +39,25 @@ void whole(benchmark::State& state, bool halves)
         images["b"] = light(window, 3);
     }
     text += "nodes:\n"
-            "  log: {op: transform.log, image: image, epsilon: 0.001}\n"
+            "  log: {op: transform.log, image: image, epsilon: 0.5}\n"
             "  bands: {op: multiscale.steerable, image: log.log}\n";
     if (halves)
         text += "  log_a: {op: transform.log, image: a, figures: log.figures}\n"
                 "  log_b: {op: transform.log, image: b, figures: log.figures}\n"
                 "  difference: {op: oiio.sub, image: log_a.log, other: log_b.log}\n"
                 "  half: {op: oiio.mul, image: difference, value: [0.5]}\n"
-                "  noise_bands: {op: multiscale.steerable, image: half}\n"
-                "  noise: {op: fit.noise, band: bands, noise_band: noise_bands}\n";
+                "  noise: {op: fit.noise, band: bands, difference: half}\n";
     else
         text += "  high: {op: fit.noise, band: 'bands[0]'}\n"
                 "  noise: {op: fit.noise, band: bands, high: high.figures}\n";
-    text += "  fit: {op: fit.laplacian, band: bands, noise: noise.figures}\n"
-            "  shrunk: {op: threshold.coring, band: bands, fit: fit.figures}\n"
-            "  joined: {op: multiscale.steerable_inverse, bands: shrunk.band}\n"
-            "  linear: {op: transform.exp, image: joined, figures: log.figures}\n"
-            "  energy: {op: transform.restore_mean, image: linear, reference: image, scale: 4}\n"
-            "outputs:\n  image: energy\n";
+    text +=
+        "  fit: {op: fit.laplacian, band: bands, noise: noise.figures}\n"
+        "  shrunk: {op: threshold.coring, band: bands, fit: fit.figures}\n"
+        "  joined: {op: multiscale.steerable_inverse, bands: shrunk.band}\n"
+        "  linear: {op: transform.exp, image: joined, figures: log.figures}\n"
+        "  energy: {op: transform.restore_mean, image: linear, reference: image, mode: balance,\n"
+        "           figures: log.figures, weight: image, scale: 3}\n"
+        "outputs:\n  image: energy\n";
     RunOptions options;
     options.threads = static_cast<int>(state.range(0));
     std::map<std::string, double> seconds;

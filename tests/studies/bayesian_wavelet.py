@@ -83,7 +83,7 @@ def errors(study):
             cell(study.factors(scene, samples, noise="given", s=0.19, p=1.5)),
             cell(study.factors(scene, samples, "radiance")))
     print("\nOther strengths: times RMSE below the noisy one.")
-    strengths = (1.0, 1.2, 1.4, 1.6)
+    strengths = (0.7, 1.0, 1.4, 2.0)
     head("scene", "samples", *strengths)
     for scene, samples in STACKS + SINGLE:
         row(scene, samples, *(f"{study.factors(scene, samples, strength=s)[0]:.2f}" for s in strengths))

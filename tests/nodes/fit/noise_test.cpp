@@ -39,8 +39,7 @@ TEST(FitNoise, HalvesShowTheNoiseOfTheirMean)
         tables_of("  bands: {op: multiscale.steerable, image: image}\n"
                   "  difference: {op: oiio.sub, image: a, other: b}\n"
                   "  half: {op: oiio.mul, image: difference, value: [0.5]}\n"
-                  "  noise_bands: {op: multiscale.steerable, image: half}\n"
-                  "  noise: {op: fit.noise, band: bands, noise_band: noise_bands, margin: 1,\n"
+                  "  noise: {op: fit.noise, band: bands, difference: half, excess: 0,\n"
                   "          least_shape: 0.3}\n",
                   "  image: any\n  a: any\n  b: any\n", {{"image", a}, {"a", a}, {"b", b}});
     ASSERT_EQ(figures.size(), 14u);
@@ -60,7 +59,7 @@ TEST(FitNoise, TheHighPassOfOneImageWillDo)
 {
     const auto image = noisy(3, 0.4f);
     const auto figures = tables_of("  bands: {op: multiscale.steerable, image: image, levels: 2}\n"
-                                   "  high: {op: fit.noise, band: 'bands[0]', margin: 1}\n"
+                                   "  high: {op: fit.noise, band: 'bands[0]', excess: 0}\n"
                                    "  noise: {op: fit.noise, band: bands, high: high.figures,\n"
                                    "          growth: 1}\n",
                                    "  image: any\n", {{"image", image}});
@@ -69,6 +68,20 @@ TEST(FitNoise, TheHighPassOfOneImageWillDo)
         // The edges of the texture add a little.
         EXPECT_NEAR(figures[i].number("deviation", 1), gain * 0.4, gain * 0.4 * 0.15) << i;
     }
+}
+
+TEST(FitNoise, EdgesOfACleanImageAreNotNoise)
+{
+    // Smooth but for edges: the high-pass is large along them and next to nothing elsewhere.
+    const auto clean = image_of({0, 0, 300, 240}, {"R"}, [](int, int x, int y) {
+        return std::sin(0.02f * static_cast<float>(x)) +
+               static_cast<float>((x / 40 + (x + 2 * y) / 60) % 2);
+    });
+    const auto figures = tables_of("  bands: {op: multiscale.steerable, image: image}\n"
+                                   "  high: {op: fit.noise, band: 'bands[0]'}\n"
+                                   "  noise: {op: fit.noise, band: bands, high: high.figures}\n",
+                                   "  image: any\n", {{"image", clean}});
+    for (std::size_t i = 0; i < 13; ++i) EXPECT_LT(figures[i].number("deviation"), 0.002) << i;
 }
 
 TEST(FitNoise, MarginGrowthAndLeastShape)
@@ -88,15 +101,19 @@ TEST(FitNoise, MarginGrowthAndLeastShape)
                              bands + "}\n",
                          "  image: any\n", {{"image", image}});
     };
-    const auto plain = run(", margin: 1, least_shape: 0.3", ", growth: 1"),
-               least = run(", margin: 1", ", growth: 1"),
-               all = run(", margin: 1.5, least_shape: 0.3", ", growth: 1.25");
+    const auto plain = run(", excess: 0, least_shape: 0.3", ", growth: 1"),
+               least = run(", excess: 0", ", growth: 1"),
+               all = run(", excess: 0, margin: 1.5, least_shape: 0.3", ", growth: 1.25");
     // The black quarter is not counted.
     EXPECT_NEAR(plain[0].number("deviation"), 0.8 * std::sqrt((15.0 + 135.0 * 0.01) / 150.0), 0.02);
     EXPECT_LT(plain[0].number("p_n"), 1.0);
     EXPECT_GT(plain[0].number("kurtosis"), 10.0);
     EXPECT_EQ(least[0].number("p_n"), 1.5);
     EXPECT_NEAR(least[5].number("deviation"), plain[5].number("deviation"), 1e-9);
+    const auto stronger = run(", excess: 2, least_shape: 0.3", ", growth: 1");
+    const double variance = std::pow(plain[0].number("deviation"), 2.0) / (41.0 / 64.0);
+    EXPECT_NEAR(stronger[3].number("deviation"),
+                (1.0 + 2.0 * variance) * plain[3].number("deviation"), 1e-9);
     for (const std::size_t i : {0u, 1u, 6u, 12u}) {
         const int level = i == 0 ? 0 : static_cast<int>((i - 1) / 4) + 1;
         EXPECT_NEAR(all[i].number("deviation"),
@@ -124,8 +141,8 @@ TEST(FitNoise, NothingToMeasureByIsAnError)
                            "  image: any\n", {{"image", image}}),
                  GraphError);
     EXPECT_THROW(tables_of("  bands: {op: multiscale.steerable, image: image}\n"
-                           "  other: {op: multiscale.steerable, image: image, levels: 2}\n"
-                           "  noise: {op: fit.noise, band: 'bands[5]', noise_band: 'other[0]'}\n",
+                           "  other: {op: oiio.crop, image: image, width: 200, height: 200}\n"
+                           "  noise: {op: fit.noise, band: 'bands[5]', difference: other}\n",
                            "  image: any\n", {{"image", image}}),
                  GraphError);
     EXPECT_THROW(tables_of("  bands: {op: multiscale.steerable, image: image}\n"
