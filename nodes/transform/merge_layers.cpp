@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/transform/channel_picks.h"
+#include "nodes/transform/render_roles.h"
 #include "rayloom/core/registry.h"
 #include "rayloom/core/text.h"
 #include "rayloom/image/rows.h"
@@ -18,7 +18,8 @@ class MergeLayers final : public Node
 {
 public:
     struct Params {
-        std::vector<std::string> names;
+        std::vector<std::string> names, roles;
+        std::string renderer = "auto";
     };
     static void describe(Declaration<Params>& d)
     {
@@ -28,8 +29,11 @@ public:
                  "its channels come first and stay bit for bit, except that a channel of a layer "
                  "that is named again is replaced in its place: split, filter some layers, and "
                  "merge into the original gives back the same file with those layers filtered. As "
-                 "in transform.layers a layer of `into` may be named by its last part. The result "
+                 "in transform.layers a layer of `into` may be named by its last part, or all by "
+                 "their "
+                 "roles (`roles`), whatever the renderer calls them. The result "
                  "covers all data windows; outside its own an image is zero.")
+            .version(2)
             .accuracy("Exact.")
             .example("rayloom: 1\nname: merge\ninputs:\n  direct: {doc: filtered direct light}\n"
                      "  indirect: {doc: filtered indirect light}\nnodes:\n"
@@ -39,8 +43,12 @@ public:
         d.input("into", "an image to put the layers into").optional();
         d.output("image", "one image with channels named layer.channel");
         d.param("names", &Params::names,
-                "layer name of each image; an empty one leaves its channels without a layer")
-            .required();
+                "layer name of each image; an empty one leaves its channels without a layer");
+        d.param(
+            "roles", &Params::roles,
+            "instead of names: the role each image has in `into` (beauty, diffuse_indirect, …)");
+        d.param("renderer", &Params::renderer,
+                "renderer map that knows the roles; auto: the one that knows most layers");
     }
     explicit MergeLayers(const Params& params) : m(params) {}
 
@@ -48,9 +56,13 @@ public:
     {
         const std::size_t n = context.count("layers");
         if (n == 0) throw NodeError("'layers' is empty");
-        if (m.names.size() != n)
-            throw NodeError("'layers' has " + std::to_string(n) + " images and 'names' " +
-                            std::to_string(m.names.size()) + " names; give one name an image");
+        if (m.names.empty() == m.roles.empty())
+            throw NodeError("give either 'names' or 'roles', one for each image");
+        const std::vector<std::string> names = m.roles.empty() ? m.names : names_of_roles(context);
+        if (names.size() != n)
+            throw NodeError("'layers' has " + std::to_string(n) + " images and '" +
+                            (m.roles.empty() ? "names" : "roles") + "' " +
+                            std::to_string(names.size()) + " names; give one name an image");
         m_sources.clear();
         ImageDesc result = context.has("into") ? context.input("into") : context.input("layers", 0);
         std::vector<LayerChannels> existing;
@@ -63,8 +75,8 @@ public:
         std::vector<bool> written(result.channels.size(), false);
         for (std::size_t i = 0; i < n; ++i) {
             const ImageDesc& image = context.input("layers", i);
-            const LayerChannels* layer = find_layer(existing, m.names[i]);
-            const std::string prefix = layer ? layer->layer : m.names[i];
+            const LayerChannels* layer = find_layer(existing, names[i]);
+            const std::string prefix = layer ? layer->layer : names[i];
             for (int c = 0; c < image.channel_count(); ++c) {
                 const std::string& channel = image.channels[static_cast<std::size_t>(c)];
                 const std::string name = prefix.empty() ? channel : prefix + "." + channel;
@@ -111,6 +123,21 @@ public:
     }
 
 private:
+    std::vector<std::string> names_of_roles(const PlanContext& context) const
+    {
+        if (!context.has("into")) throw NodeError("'roles' are those of layers of 'into'");
+        const RenderRoles roles(context.input("into"), m.renderer);
+        std::vector<std::string> names;
+        for (const std::string& role : m.roles) {
+            const int found = roles.find(role);
+            if (found < 0)
+                throw NodeError("no layer of 'into' is the " + role + " of a " + roles.renderer() +
+                                " render");
+            names.push_back(roles.layers()[static_cast<std::size_t>(found)].layer);
+        }
+        return names;
+    }
+
     struct Source {
         std::optional<std::size_t> layer; ///< element of the list; none: the image at `into`
         int channel = 0;

@@ -54,14 +54,11 @@ TEST(BayesianWavelet, RendersOfCyclesKeepTheirAlphaAndLoseNoise)
         EXPECT_LT(rmse(result.pixels.view(), reference.view()),
                   rmse(noisy.view(), reference.view()))
             << scene;
-        // The light's mean is kept; the beauty's is not quite, as light moves between surfaces.
-        const MemoryImage& indirect = report.images.at("indirect")[0];
-        const TestImage light = read_render(folder / "noisy_16.exr", "ViewLayer.DiffInd");
         for (int c = 0; c < 3; ++c) {
             double before = 0.0;
             for (int y = r.y0; y < r.y1; ++y)
-                for (int x = r.x0; x < r.x1; ++x) before += light.view().at(c, x, y);
-            EXPECT_NEAR(mean_of(indirect, c) * static_cast<double>(r.pixels()) / before, 1.0, 1e-4)
+                for (int x = r.x0; x < r.x1; ++x) before += noisy.view().at(c, x, y);
+            EXPECT_NEAR(mean_of(result, c) * static_cast<double>(r.pixels()) / before, 1.0, 1e-4)
                 << scene;
         }
     }
@@ -98,6 +95,35 @@ TEST(BayesianWavelet, PassedThroughLayersStayBitForBit)
     }
 }
 
+TEST(BayesianWavelet, LayersOfAWholeRenderStillAddUp)
+{
+    const auto file = source / "tests/data/cycles/interior/noisy_16.exr";
+    RunRequest request;
+    request.inputs["render"].files = {{file.string(), ""}};
+    const RunReport report = run_graph(graph("bayesian-wavelet-render"), request, {});
+    const MemoryImage& render = report.images.at("render")[0];
+    const auto after = [&](const std::string& layer, int c, int x, int y) {
+        const int channel = render.desc.channel("ViewLayer." + layer + "." + "RGB"[c]);
+        return static_cast<double>(render.pixels.view().at(channel, x, y));
+    };
+    const TestImage beauty = read_render(file, "ViewLayer.Combined"),
+                    light = read_render(file, "ViewLayer.DiffInd"),
+                    direct = read_render(file, "ViewLayer.DiffDir");
+    const Region& r = beauty.desc.data;
+    std::size_t changed = 0;
+    for (int c = 0; c < 3; ++c)
+        for (int y = r.y0; y < r.y1; ++y)
+            for (int x = r.x0; x < r.x1; ++x) {
+                const double was = light.view().at(c, x, y), is = after("DiffInd", c, x, y);
+                changed += was != is;
+                EXPECT_EQ(after("DiffDir", c, x, y), direct.view().at(c, x, y));
+                // The beauty changes by what its indirect light does.
+                EXPECT_NEAR(after("Combined", c, x, y) - beauty.view().at(c, x, y),
+                            (is - was) * after("DiffCol", c, x, y), 1e-5 * (1.0 + was + is));
+            }
+    EXPECT_GT(changed, r.pixels());
+}
+
 /// Light and colour of a small scene with noise that grows with the light.
 RunRequest stack(const Region& window, int count,
                  const std::function<float(int x, int y, float noise)>& light)
@@ -122,6 +148,25 @@ RunRequest stack(const Region& window, int count,
         request.inputs["diffuse_color"].images.push_back(colour);
     }
     return request;
+}
+
+TEST(BayesianWavelet, AnImageWithoutNoiseStays)
+{
+    // Smooth light with shadows and lines of a pixel; as one render and as three alike.
+    const Region window{0, 0, 160, 120};
+    const auto light = [](int x, int y, float) {
+        const float shade = 1.0f + 0.5f * std::sin(0.05f * static_cast<float>(x + 2 * y));
+        return (x + y / 3) % 50 < 20 ? 0.2f * shade : x == 130 ? 5.0f : shade;
+    };
+    for (const int count : {1, 3}) {
+        const RunRequest request = stack(window, count, light);
+        const RunReport report = run_graph(graph("bayesian-wavelet-stack"), request, {});
+        const MemoryImage& indirect = report.images.at("indirect")[0];
+        for (int y = 0; y < 120; ++y)
+            for (int x = 0; x < 160; ++x)
+                EXPECT_NEAR(indirect.pixels.view().at(0, x, y), light(x, y, 1.0f), 0.01)
+                    << count << ' ' << x << ' ' << y;
+    }
 }
 
 TEST(BayesianWavelet, StacksOfAnySizeAreTaken)
