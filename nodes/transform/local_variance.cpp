@@ -13,7 +13,7 @@ namespace
 
 /// Mean of the smaller of the squares of two standard normal variables with correlation 2/3, the
 /// correlation of the two second differences at a pixel: 1 − (2/π)·√(1 − 4/9).
-constexpr double smaller_square = 0.525468;
+constexpr double smaller_square = 0.525491636;
 
 /// transform.local_variance: noise of each pixel as seen from its surroundings.
 class LocalVariance final : public Node
@@ -28,6 +28,7 @@ public:
     {
         d.name("transform.local_variance")
             .summary("Estimates the noise variance of each pixel from one image.")
+            .version(2)
             .doc("At each pixel the second differences (2a − left − right)²/6 along x and along y "
                  "are both estimates of the variance of independent noise; the smaller one is "
                  "taken, "

@@ -75,6 +75,41 @@ const Scene& scene(int percent)
     return it->second;
 }
 
+/// Squares 5², 7², 9², 13², 19² and 31² are tried up to the chosen one. A pixel of a square takes
+/// 70 operations (tests/oracle/plain_nodes.cpp: weight 20, sums 30, normals 15, quadrants 5).
+double fit_flops(int radius)
+{
+    double pixels = 0.0;
+    for (const int r : {2, 3, 4, 6, 9, 15})
+        if (r <= radius) pixels += (2 * r + 1) * (2 * r + 1);
+    return 70.0 * pixels;
+}
+
+/// Of each square that covers the pixel, five planes of three colours and their weights (4 each),
+/// and the weights of two pixels (10).
+double fuse_flops(int radius) { return 70.0 * (2 * radius + 1) * (2 * radius + 1); }
+
+/// Mean over the pixels of what their squares cost.
+template <class Flops>
+double mean_flops(const Scene& s, const Flops& flops)
+{
+    double sum = 0.0;
+    const Region& data = s.image.region();
+    for (int y = data.y0; y < data.y1; ++y)
+        for (const float r : s.coefficients.view().row_span(0, y))
+            sum += flops(static_cast<int>(r));
+    return sum / static_cast<double>(data.pixels());
+}
+
+/// Light, variance, normal, boundary and parts, and 47 coefficients between both nodes.
+constexpr double fit_bytes = 4.0 * (3 + 3 + 3 + 1 + 2 + 47), fuse_bytes = 4.0 * (47 + 3 + 2 + 3);
+
+void report_work(benchmark::State& state, double flops, double bytes)
+{
+    state.counters["flops_per_pixel"] = flops;
+    state.counters["bytes_per_pixel"] = bytes;
+}
+
 void report(benchmark::State& state, double pixels, double radius)
 {
     state.counters["radius"] = radius;
@@ -97,6 +132,7 @@ void fit(benchmark::State& state)
     ImageBuffer out(s.image.region(), plane_coefficients(3));
     for (auto _ : state) fit_planes(settings(), s.image.region(), s.guides(), out.view(), [] {});
     report(state, static_cast<double>(s.image.region().pixels()), mean_radius(s));
+    report_work(state, mean_flops(s, fit_flops), fit_bytes);
 }
 
 void fuse(benchmark::State& state)
@@ -107,6 +143,7 @@ void fuse(benchmark::State& state)
         fuse_planes(settings(), s.image.region(), s.coefficients.view(), s.guides(), out.view(),
                     [] {});
     report(state, static_cast<double>(s.image.region().pixels()), mean_radius(s));
+    report_work(state, mean_flops(s, fuse_flops), fuse_bytes);
 }
 
 oracle::Raster<double> raster(const ImageBuffer& from)

@@ -72,12 +72,18 @@ def figures(line, limits):
     if flops:
         out["flops_per_pixel"] = flops
         out["flops_per_second"] = flops * pixels / seconds
-    if flops and moved and bandwidth and peak:
-        out["intensity"] = flops / moved
-        roof = min(peak, out["intensity"] * bandwidth)
-        out["share_of_limit"] = out["flops_per_second"] / roof
-        out["bound_by"] = "arithmetic" if peak <= out["intensity"] * bandwidth else "memory"
+    if moved and bandwidth and peak:
+        # What a pixel would take at the limits; a copy has memory's alone.
+        computing, moving = (flops or 0) / peak, moved / bandwidth
+        out["share_of_limit"] = max(computing, moving) / (seconds / pixels)
+        out["bound_by"] = "arithmetic" if computing >= moving else "memory"
+        if flops:
+            out["intensity"] = flops / moved
     return out
+
+
+def arguments_of(parts):
+    return {p for p in parts if ":" in p and p.split(":")[0] not in ("width", "height", "threads")}
 
 
 def oracle_pairs(entries):
@@ -88,8 +94,8 @@ def oracle_pairs(entries):
             continue
         for other in entries:
             names = other["name"].split("/")
-            # Arguments such as noise:8 must be the same; sizes need not.
-            same = {p for p in parts if ":" in p} == {p for p in names if ":" in p}
+            # Arguments such as noise:8 must be the same; sizes and threads need not.
+            same = arguments_of(parts) == arguments_of(names)
             if names[0] == parts[0] and names[1] == parts[1][len("plain_"):] and same and other["threads"] == 1 and \
                     "ns_per_pixel" in other:
                 other["times_faster_than_oracle"] = entry["ns_per_pixel"] / other["ns_per_pixel"]

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""EXR files of any size from mirrored copies of a small one: real noise without seams that a filter
+would see. Rows are made once and written as they are needed, so that a file of 64 megapixels and
+thirty channels takes the memory of the small one."""
+
+import array
+import pathlib
+import struct
+
+from common import BenchError, run
+
+MAGIC = struct.pack("<I", 20000630)
+MULTI_PART = 0x1000
+SAMPLE_BYTES = {0: 4, 1: 2, 2: 4}  # uint, half, float
+ARRAY_CODE = {2: "H", 4: "I"}
+
+
+def _text(data, at):
+    end = data.index(b"\0", at)
+    return data[at:end], end + 1
+
+
+def _attributes(data, at):
+    """Name, type and bytes of each attribute of one header, and where the next begins."""
+    found = []
+    while data[at] != 0:
+        name, at = _text(data, at)
+        kind, at = _text(data, at)
+        size, = struct.unpack_from("<I", data, at)
+        found.append((name, kind, data[at + 4:at + 4 + size]))
+        at += 4 + size
+    return found, at + 1
+
+
+def _channels(value):
+    """Bytes of a sample of each channel, in the order of the rows."""
+    sizes, at = [], 0
+    while value[at] != 0:
+        _, at = _text(value, at)
+        kind, = struct.unpack_from("<I", value, at)
+        sizes.append(SAMPLE_BYTES[kind])
+        at += 16
+    return sizes
+
+
+class _Part:
+    def __init__(self, attributes):
+        self.attributes = attributes
+        value = {name: v for name, _, v in attributes}
+        self.sizes = _channels(value[b"channels"])
+        x0, y0, x1, y1 = struct.unpack("<4i", value[b"dataWindow"])
+        self.origin, self.width, self.height = (x0, y0), x1 - x0 + 1, y1 - y0 + 1
+        self.rows = {}
+
+    def header(self, width, height):
+        window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+        out = b""
+        for name, kind, value in self.attributes:
+            if name in (b"dataWindow", b"displayWindow"):
+                value = window
+            if name == b"chunkCount":
+                value = struct.pack("<I", height)
+            out += name + b"\0" + kind + b"\0" + struct.pack("<I", len(value)) + value
+        return out + b"\0"
+
+    def row_bytes(self, width):
+        return width * sum(self.sizes)
+
+    def wide(self, row, width):
+        """A row with its mirrored copies, channel after channel."""
+        out, at = [], 0
+        for size in self.sizes:
+            samples = array.array(ARRAY_CODE[size], row[at:at + size * self.width])
+            at += size * self.width
+            both = samples.tobytes() + samples[::-1].tobytes()
+            out.append((both * -(-width * size // len(both)))[:width * size])
+        return b"".join(out)
+
+
+def _read(path):
+    data = path.read_bytes()
+    if data[:4] != MAGIC:
+        raise BenchError(f"{path} is no EXR file")
+    version, = struct.unpack_from("<I", data, 4)
+    multi, at, parts = bool(version & MULTI_PART), 8, []
+    while True:
+        attributes, at = _attributes(data, at)
+        parts.append(_Part(attributes))
+        if not multi:
+            break
+        if data[at] == 0:
+            at += 1
+            break
+    at += 8 * sum(p.height for p in parts)
+    while at < len(data):
+        number = 0
+        if multi:
+            number, = struct.unpack_from("<i", data, at)
+            at += 4
+        y, size = struct.unpack_from("<iI", data, at)
+        part = parts[number]
+        part.rows[y - part.origin[1]] = data[at + 8:at + 8 + size]
+        at += 8 + size
+    return data[:8], multi, parts
+
+
+def enlarge(source, target, width, height):
+    """Writes `source` as width × height pixels with the same channels, types, layers and parts,
+    not compressed."""
+    plain = target.with_suffix(".plain.exr")
+    run(["oiiotool", "-a", source, "--scanline", "--compression", "none", "-o", plain])
+    start, multi, parts = _read(plain)
+    plain.unlink()
+    headers = b"".join(p.header(width, height) for p in parts) + (b"\0" if multi else b"")
+    with pathlib.Path(target).open("wb") as out:
+        out.write(start + headers)
+        at = out.tell() + 8 * height * len(parts)
+        for part in parts:
+            step = part.row_bytes(width) + (12 if multi else 8)
+            out.write(array.array("Q", range(at, at + step * height, step)).tobytes())
+            at += step * height
+        for number, part in enumerate(parts):
+            size, wide = part.row_bytes(width), {}
+            for y in range(height):
+                k = y % (2 * part.height)
+                k = min(k, 2 * part.height - 1 - k)
+                if k not in wide:
+                    wide[k] = part.wide(part.rows[k], width)
+                out.write((struct.pack("<i", number) if multi else b"") + struct.pack("<iI", y, size))
+                out.write(wide[k])
