@@ -174,7 +174,10 @@ def spp_plots(data):
 
 
 def roofline_plot(data):
-    limits, entries = data.kernels["limits"], [e for e in data.kernels["entries"] if "intensity" in e and "/plain_" not in e["name"]]
+    limits = data.kernels["limits"]
+    # Of nodes inside a run one size and thread; the rest would lie on top of it.
+    entries = [e for e in data.kernels["entries"] if "intensity" in e and not is_plain(e) and
+               (not is_node_run(e) or "/width:1920/" in e["name"] and e["threads"] == 1)]
     if not entries or "triad" not in limits:
         return ""
     threads = sorted({e["threads"] for e in entries} & set(int(k) for k in limits["triad"]))
@@ -184,7 +187,7 @@ def roofline_plot(data):
     top = max(get(w, n) / 1e9 for w in ("fused", "mul_add") for n in threads if get(w, n))
     plot = Plot("Kernels under the roofline", Axis(min([0.2, *intensities]), max([100, *intensities])),
                 Axis(min([0.5, *rates]), top * 1.2), "operations per byte that must be moved", "Gflop/s",
-                1030, 430, "roofline")
+                1030, 520, "roofline")
     for n in threads:
         bandwidth, peak, fused = (get(w, n) for w in ("triad", "mul_add", "fused"))
         ridge = peak / bandwidth
@@ -200,21 +203,28 @@ def roofline_plot(data):
             turn = plot.angle(at, bandwidth * at, ridge, bandwidth * ridge)
             turn = math.degrees(math.atan2(plot.py(peak / 1e9) - plot.py(bandwidth * at / 1e9), plot.px(ridge) - plot.px(at)))
             plot.text(at, bandwidth * at / 1e9, f"memory: {bandwidth / 1e9:.1f} GB/s", INK, "middle", 0, -7, turn)
-    groups = list(dict.fromkeys(e["name"].split("/")[0] + "/" + e["name"].split("/")[1] for e in entries))
-    shown = set()
-    for e in sorted(entries, key=lambda e: -e["flops_per_second"]):
-        group = "/".join(e["name"].split("/")[:2])
-        k = groups.index(group)
-        colour, shape = COLOURS[k % len(COLOURS)], SHAPES[k % len(SHAPES)]
-        plot.marks([(e["intensity"], e["flops_per_second"] / 1e9)], shape, colour,
-                   [f"{e['name']}: {e['flops_per_second'] / 1e9:.2f} Gflop/s, "
-                    f"{100 * e.get('share_of_limit', 0):.0f} % of the limit"], 5.4)
-        if group not in shown:
-            shown.add(group)
-            right = plot.x.at(e["intensity"]) > 0.8
-            plot.text(e["intensity"], e["flops_per_second"] / 1e9, group, colour, "end" if right else "start",
-                      -8 if right else 8, 4)
-    return plot.svg()
+    stages = sorted({stage_of(e) for e in entries})
+    shown = []
+    for e in sorted(entries, key=lambda e: (not is_node_run(e), -e["flops_per_second"])):
+        k = stages.index(stage_of(e))
+        x, y, inside = e["intensity"], e["flops_per_second"] / 1e9, is_node_run(e)
+        plot.marks([(x, y)], SHAPES[k % len(SHAPES)], COLOURS[k % len(COLOURS)],
+                   [f"{kernel_name(e['name'])}: {y:.2f} Gflop/s, {100 * e.get('share_of_limit', 0):.2g} % of the limit"],
+                   4.2 if inside else 5.8)
+        # A name where there is room for it.
+        name = "/".join(e["name"].split("/")[:1 if inside else 2])
+        at = plot.px(x), plot.py(y)
+        if e["name"].startswith("oiio.") or any(n == name or abs(at[0] - u) < 120 and abs(at[1] - v) < 12 for n, u, v in shown):
+            continue
+        shown.append((name, *at))
+        right = plot.x.at(x) > 0.75
+        plot.text(x, y, name, COLOURS[k % len(COLOURS)], "end" if right else "start", -8 if right else 8, 4)
+    return legend([(s, COLOURS[k % len(COLOURS)], SHAPES[k % len(SHAPES)], None) for k, s in enumerate(stages)]) + plot.svg()
+
+
+def stage_of(entry):
+    """fuse, transform, …; what is no node by its own name."""
+    return entry["name"].split("/")[0].split(".")[0]
 
 
 def plot_right(plot):
@@ -229,11 +239,21 @@ def kernel_name(name):
 
 
 def is_node_run(entry):
-    """The example of a node or a graph, run by the engine (node_bench.cpp), rather than a kernel."""
-    return "/example/" in entry["name"] or entry["name"].startswith("graph/")
+    """A node or a graph, run by the engine (node_bench.cpp), rather than a kernel."""
+    return "/node/" in entry["name"] or entry["name"].startswith("graph/")
 
 
-NODE_HEAD = ["node or graph", "0.26 MP", "2.1 MP", "8.3 MP", "2 threads on 2.1 MP"]
+def is_plain(entry):
+    """The plain version of a kernel or node."""
+    return "/plain_" in entry["name"]
+
+
+NODE_HEAD = ["node or graph", "0.26 MP", "2.1 MP", "8.3 MP", "2 threads", "bytes", "flop", "of the limit", "plain version"]
+NODE_TEXT = ("Every node alone and every graph, run by the engine on images in memory: nanoseconds a pixel (of the first input, all its "
+             "channels) on one thread by image size; at 2.1 megapixels the wall-clock gain of a second thread, the share of the "
+             "machine's limit on one thread, and how many times longer the plain version of the tests takes (in double, 160×100). "
+             "Nodes that move more than they compute run on memory that an earlier run has used. Bytes and operations a pixel are "
+             "what no implementation can avoid; tests/oracle/plain_nodes.cpp says how they are counted.")
 
 
 def node_rows(data):
@@ -242,28 +262,33 @@ def node_rows(data):
     for e in filter(is_node_run, data.kernels["entries"]):
         size = re.search(r"/width:(\d+)/", e["name"])
         if size and "ns_per_pixel" in e:
-            name = e["name"].split("/width:")[0].removesuffix("/example")
+            name = e["name"].split("/width:")[0].removesuffix("/node")
             found.setdefault(name, {})[int(size.group(1)), e["threads"]] = e
     rows = []
     for name, by in sorted(found.items()):
         one, two = by.get((1920, 1)), by.get((1920, 2))
         rows.append([name, *(short(by[width, 1]["ns_per_pixel"], 4) if (width, 1) in by else "–" for width in (640, 1920, 3840)),
-                     f"× {one['real_seconds'] / two['real_seconds']:.2f}" if one and two else "–"])
+                     f"× {one['real_seconds'] / two['real_seconds']:.2f}" if one and two else "–", *shares(one or {})])
     return rows
 
 
-def kernel_table(data):
-    rows = []
-    for e in data.kernels["entries"]:
-        if is_node_run(e):
-            continue
-        rows.append([f"<code>{escape(kernel_name(e['name']))}</code>", e["threads"], short(e.get("ns_per_pixel"), 4),
-                     short(e.get("bytes_per_pixel"), 4), short(e.get("flops_per_pixel"), 6),
-                     short(e.get("flops_per_second", float("nan")) / 1e9), short(e.get("bytes_per_second", float("nan")) / 1e9),
-                     f"{100 * e['share_of_limit']:.0f} % ({e['bound_by']})" if "share_of_limit" in e else "–",
-                     f"× {e['times_faster_than_oracle']:.1f}" if "times_faster_than_oracle" in e else "–"])
-    return table(["kernel", "threads", "ns a pixel", "bytes a pixel", "flop a pixel", "Gflop/s", "GB/s", "of the limit",
-                  "against its oracle"], rows)
+def shares(entry):
+    """Bytes, operations, share of the limit, and the plain version, as the tables print them."""
+    share, times = entry.get("share_of_limit"), entry.get("times_faster_than_oracle")
+    return [short(entry.get("bytes_per_pixel"), 4), short(entry.get("flops_per_pixel"), 6),
+            f"{100 * share:.2g} % ({entry['bound_by']})" if share and share < 0.095 else
+            f"{100 * share:.0f} % ({entry['bound_by']})" if share else "–",
+            f"× {short(times)}" if times else "–"]
+
+
+KERNEL_HEAD = ["kernel", "threads", "ns a pixel", "Gflop/s", "GB/s", "bytes", "flop", "of the limit", "plain version"]
+
+
+def kernel_rows(data):
+    """Kernels by themselves; their plain versions are the last column."""
+    return [[kernel_name(e["name"]), e["threads"], short(e.get("ns_per_pixel"), 4), short(e.get("flops_per_second", float("nan")) / 1e9),
+             short(e.get("bytes_per_second", float("nan")) / 1e9), *shares(e)]
+            for e in data.kernels["entries"] if not is_node_run(e) and not is_plain(e)]
 
 
 def scaling_plots(data):
@@ -503,10 +528,9 @@ def page(data, folder):
             "on every machine need separate multiplication and addition; the fused peak shows what that costs. Operations are "
             "counted from the equations, bytes are what must be read and written once.</p>")
         add(roofline_plot(data))
-        add(kernel_table(data) + "</section>")
+        add(table(KERNEL_HEAD, [[f"<code>{escape(r[0])}</code>", *r[1:]] for r in kernel_rows(data)]) + "</section>")
         if rows := node_rows(data):
-            add("<section><h2>Every node and graph inside a run</h2><p>The example of each node's page and every graph, run by the engine "
-                "on images in memory: nanoseconds a pixel of the first input on one thread, and the wall-clock gain of a second.</p>")
+            add(f"<section><h2>Every node and graph inside a run</h2><p>{NODE_TEXT}</p>")
             add(table(NODE_HEAD, [[f"<code>{escape(r[0])}</code>", *r[1:]] for r in rows]) + "</section>")
     if data.scaling:
         add("<section><h2>Size and threads</h2><p>Images of any size from mirrored copies of a real render. Dotted: proportional.</p>")

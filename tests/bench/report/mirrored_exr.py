@@ -12,6 +12,7 @@ from common import BenchError, run
 MAGIC = struct.pack("<I", 20000630)
 MULTI_PART = 0x1000
 SAMPLE_BYTES = {0: 4, 1: 2, 2: 4}  # uint, half, float
+HALF = 1
 ARRAY_CODE = {2: "H", 4: "I"}
 
 
@@ -33,21 +34,22 @@ def _attributes(data, at):
 
 
 def _channels(value):
-    """Bytes of a sample of each channel, in the order of the rows."""
-    sizes, at = [], 0
+    """Name and type of each channel, in the order of the rows."""
+    found, at = [], 0
     while value[at] != 0:
-        _, at = _text(value, at)
+        name, at = _text(value, at)
         kind, = struct.unpack_from("<I", value, at)
-        sizes.append(SAMPLE_BYTES[kind])
+        found.append((name.decode(), kind))
         at += 16
-    return sizes
+    return found
 
 
 class _Part:
     def __init__(self, attributes):
         self.attributes = attributes
         value = {name: v for name, _, v in attributes}
-        self.sizes = _channels(value[b"channels"])
+        self.channels = _channels(value[b"channels"])
+        self.sizes = [SAMPLE_BYTES[kind] for _, kind in self.channels]
         x0, y0, x1, y1 = struct.unpack("<4i", value[b"dataWindow"])
         self.origin, self.width, self.height = (x0, y0), x1 - x0 + 1, y1 - y0 + 1
         self.rows = {}
@@ -77,8 +79,8 @@ class _Part:
         return b"".join(out)
 
 
-def _read(path):
-    data = path.read_bytes()
+def _headers(path, data):
+    """Parts of a file, whether it is one of several, and where the headers end."""
     if data[:4] != MAGIC:
         raise BenchError(f"{path} is no EXR file")
     version, = struct.unpack_from("<I", data, 4)
@@ -87,10 +89,15 @@ def _read(path):
         attributes, at = _attributes(data, at)
         parts.append(_Part(attributes))
         if not multi:
-            break
+            return parts, multi, at
         if data[at] == 0:
-            at += 1
-            break
+            return parts, multi, at + 1
+
+
+def _read(path):
+    """Parts with their rows, of a file that is not compressed."""
+    data = path.read_bytes()
+    parts, multi, at = _headers(path, data)
     at += 8 * sum(p.height for p in parts)
     while at < len(data):
         number = 0
@@ -108,7 +115,10 @@ def enlarge(source, target, width, height):
     """Writes `source` as width × height pixels with the same channels, types, layers and parts,
     not compressed."""
     plain = target.with_suffix(".plain.exr")
-    run(["oiiotool", "-a", source, "--scanline", "--compression", "none", "-o", plain])
+    # Channels of several types would all become float.
+    kinds = {name: kind for p in _headers(source, source.read_bytes())[0] for name, kind in p.channels}
+    types = [a for name, kind in kinds.items() for a in ("-d", f"{name}={'half' if kind == HALF else 'float'}")]
+    run(["oiiotool", "-a", source, *types, "--scanline", "--compression", "none", "-o", plain])
     start, multi, parts = _read(plain)
     plain.unlink()
     headers = b"".join(p.header(width, height) for p in parts) + (b"\0" if multi else b"")

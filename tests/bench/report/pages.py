@@ -4,7 +4,8 @@
 import pathlib
 
 from common import finite, say
-from html_report import NODE_HEAD, Data, best, facts, is_node_run, kernel_name, mib, node_rows, seconds_text, short
+from html_report import (KERNEL_HEAD, NODE_HEAD, NODE_TEXT, Data, best, facts, kernel_rows, mib, node_rows, seconds_text,
+                         short)
 from quality import PLAIN
 
 BEGIN = "<!-- generated: ./dev bench --write-docs -->"
@@ -61,17 +62,11 @@ def performance(data):
                      [[{"triad": "memory, triad, GB/s", "mul_add": "multiply and add, Gflop/s",
                         "fused": "fused multiply-add, Gflop/s"}[what], *(f"{v / 1e9:.1f}" for v in by.values())]
                       for what, by in limits.items()])
-        out += "\n" + table(["kernel", "threads", "ns a pixel", "bytes a pixel", "flop a pixel", "Gflop/s", "of the limit", "against its oracle"],
-                            [[f"`{kernel_name(e['name'])}`", e["threads"], short(e.get("ns_per_pixel"), 4), short(e.get("bytes_per_pixel"), 4),
-                              short(e.get("flops_per_pixel"), 6), short(e.get("flops_per_second", float("nan")) / 1e9),
-                              f"{100 * e['share_of_limit']:.0f} % ({e['bound_by']})" if "share_of_limit" in e else "–",
-                              f"× {e['times_faster_than_oracle']:.1f}" if "times_faster_than_oracle" in e else "–"]
-                             for e in data.kernels["entries"] if not is_node_run(e) and "/plain_" not in e["name"]])
-        out += ("\nThe limit is the smaller of multiply-and-add and of memory bandwidth times operations per byte. One thread: "
-                "processor time; several: wall-clock time.\n\n")
+        out += "\n" + table(KERNEL_HEAD, [[f"`{r[0]}`", *r[1:]] for r in kernel_rows(data)])
+        out += ("\nBytes and operations are of a pixel. The limit is the smaller of multiply-and-add and of memory bandwidth times "
+                "operations per byte. One thread: processor time; several: wall-clock time.\n\n")
         if rows := node_rows(data):
-            out += ("## Every node and graph inside a run\n\nThe example of each node's page and every graph, run by the engine on "
-                    "images in memory: nanoseconds a pixel of the first input on one thread, and the wall-clock gain of a second.\n\n")
+            out += f"## Every node and graph inside a run\n\n{NODE_TEXT}\n\n"
             out += table(NODE_HEAD, [[f"`{r[0]}`", *r[1:]] for r in rows]) + "\n"
     cases = [q for q in data.quality if q["graph"] != PLAIN]
     if cases:
@@ -81,8 +76,8 @@ def performance(data):
                        short(best(q) / q["pixels"] * 1e6), mib(q["peak_bytes"]), mib(q["max_rss"])] for q in cases], 2) + "\n"
     if data.scaling:
         out += "## Size and threads of a run\n\n" + stated(data.scaling)
-        out += table(["graph", "spp", "image", "threads", "seconds", "MiB for pixels", "MiB, process"],
-                     [[s["graph"], s["spp"], f"{s['width']}×{s['height']}", s["threads"], f"{s['seconds']:.2f}", mib(s["peak_bytes"]),
+        out += table(["graph", "spp", "image", "threads", "seconds", "processor s", "MiB for pixels", "MiB, process"],
+                     [[s["graph"], s["spp"], f"{s['width']}×{s['height']}", s["threads"], f"{s['seconds']:.2f}", f"{s['cpu_seconds']:.1f}", mib(s["peak_bytes"]),
                        mib(s["max_rss"])] for s in sorted(data.scaling, key=lambda s: (s["graph"], s["threads"], s["width"]))]) + "\n"
     if data.skip:
         out += "## Shortcuts of a run\n\n" + stated(data.skip)

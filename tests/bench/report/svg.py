@@ -178,11 +178,11 @@ class Plot:
 
 
 def legend(entries):
-    """entries: (label, colour, shape or None, dash)."""
+    """entries: (label, colour, shape or None, dash; None: no line)."""
     parts = []
     for label, colour, shape, dash in entries:
         dashes = f' stroke-dasharray="{dash}"' if dash else ""
-        symbol = f'<path d="M1 8H33" stroke="{colour}" stroke-width="1.8"{dashes}/>'
+        symbol = "" if dash is None else f'<path d="M1 8H33" stroke="{colour}" stroke-width="1.8"{dashes}/>'
         if shape:
             symbol += mark(shape, 17, 8, colour)
         parts.append(f'<span><svg width="34" height="16" aria-hidden="true">{symbol}</svg>{escape(label)}</span>')
