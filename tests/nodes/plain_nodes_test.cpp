@@ -4,6 +4,7 @@
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 #include "tests/oracle/plain_nodes.h"
+#include "tests/support/folders.h"
 #include "tests/support/made_up_input.h"
 #include "tests/support/render_data.h"
 #include "tests/support/subjects.h"
@@ -56,7 +57,7 @@ TEST(NodeWork, WithoutAPlainVersionThereIsABenchmarkOfThePair)
 {
     std::string benchmarks;
     for (const auto& file :
-         std::filesystem::directory_iterator(RAYLOOM_SOURCE_DIR "/tests/bench"))
+         std::filesystem::directory_iterator(test::source_folder() / "tests/bench"))
         if (file.path().string().ends_with("_bench.cpp")) benchmarks += text_of(file.path());
     for (const NodeWork& work : oracle::node_work()) {
         if (work.plain || work.node.starts_with("oiio.")) continue;
@@ -99,15 +100,14 @@ void take_render(MemoryImage& image, std::size_t number)
 {
     if (image.desc.channel_count() != 3) return;
     static const std::vector<test::TestImage> renders =
-        test::read_stack(RAYLOOM_SOURCE_DIR "/tests/data/cycles/interior", 16);
+        test::read_stack(test::source_folder() / "tests/data/cycles/interior", 16);
     const test::TestImage& render = renders.at(number % renders.size());
     const Region& from = render.desc.data;
     for (int y = image.desc.data.y0; y < image.desc.data.y1; ++y)
         for (int c = 0; c < 3; ++c)
             for (int x = image.desc.data.x0; x < image.desc.data.x1; ++x)
-                image.pixels.view().at(c, x, y) =
-                    render.view().at(c, from.x0 + (x + 100) % from.width(),
-                                     from.y0 + (y + 100) % from.height());
+                image.pixels.view().at(c, x, y) = render.view().at(
+                    c, from.x0 + (x + 100) % from.width(), from.y0 + (y + 100) % from.height());
 }
 
 const std::vector<Input>& inputs()

@@ -11,9 +11,8 @@ PlainResult plain_sum(const PlainInput& in)
 {
     const Raster<double>&direct = in.image("direct"), &indirect = in.image("indirect");
     PlainResult out;
-    out.images["image"] = {make_raster(direct, 3, [&](int c, int x, int y) {
-        return direct.at(c, x, y) + indirect.at(c, x, y);
-    })};
+    out.images["image"] = {make_raster(
+        direct, 3, [&](int c, int x, int y) { return direct.at(c, x, y) + indirect.at(c, x, y); })};
     return out;
 }
 

@@ -111,9 +111,9 @@ public:
                 return Colour(s.lab.at(0, x, y), s.lab.at(1, x, y), s.lab.at(2, x, y));
             };
             const double e = std::pow(hyab(colour(a), colour(b)), 0.7);
-            const double difference =
-                e < 0.4 * most ? 0.95 / (0.4 * most) * e
-                               : 0.95 + (e - 0.4 * most) / (most - 0.4 * most) * 0.05;
+            const double difference = e < 0.4 * most
+                                          ? 0.95 / (0.4 * most) * e
+                                          : 0.95 + (e - 0.4 * most) / (most - 0.4 * most) * 0.05;
             const double feature = std::max(std::abs(a.edges.at(0, x, y) - b.edges.at(0, x, y)),
                                             std::abs(a.points.at(0, x, y) - b.points.at(0, x, y)));
             return std::pow(difference, 1.0 - std::sqrt(feature / std::sqrt(2.0)));
@@ -130,16 +130,13 @@ private:
         Plane edges, points;
     };
 
-    static Plane square(int radius)
-    {
-        return Plane(2 * radius + 1, 2 * radius + 1, 1);
-    }
+    static Plane square(int radius) { return Plane(2 * radius + 1, 2 * radius + 1, 1); }
 
     static Plane contrast_kernel(const std::vector<std::pair<double, double>>& terms)
     {
         constexpr double pi = std::numbers::pi;
-        const int r =
-            static_cast<int>(std::ceil(3.0 * std::sqrt(0.04 / (2.0 * pi * pi)) * pixels_per_degree));
+        const int r = static_cast<int>(
+            std::ceil(3.0 * std::sqrt(0.04 / (2.0 * pi * pi)) * pixels_per_degree));
         Plane kernel = square(r);
         double sum = 0.0;
         for (int j = -r; j <= r; ++j)
@@ -223,8 +220,7 @@ private:
                 const double t = (opponent[0].at(0, x, y) + 16.0) / 116.0;
                 const Colour xyz(t + opponent[1].at(0, x, y) / 500.0, t,
                                  t - opponent[2].at(0, x, y) / 200.0);
-                const Colour rgb =
-                    (to_rgb * xyz.cwiseProduct(m_white)).cwiseMax(0.0).cwiseMin(1.0);
+                const Colour rgb = (to_rgb * xyz.cwiseProduct(m_white)).cwiseMax(0.0).cwiseMin(1.0);
                 const Colour lab = hunt_lab(rgb);
                 for (int c = 0; c < 3; ++c) seen.lab.at(c, x, y) = lab(c);
             }

@@ -44,10 +44,9 @@ std::vector<NodeWork> filters()
                "flash_unit}",
                "fit: fit.intensity"),
          9 * 2, 3 * rgb, "9 values weighted and added; three images read", plain_flash_intensity},
-        {"fit.laplacian",
-         graph(band, "fit: {op: fit.laplacian, band: band}", "fit: fit.figures"), fitted, rgb,
-         "of each value its square, that squared, and two sums; a band read", plain_fit_laplacian,
-         1e-5},
+        {"fit.laplacian", graph(band, "fit: {op: fit.laplacian, band: band}", "fit: fit.figures"),
+         fitted, rgb, "of each value its square, that squared, and two sums; a band read",
+         plain_fit_laplacian, 1e-5},
         {"fit.noise",
          graph("band: {doc: the high-pass, channels: \"high.R,high.G,high.B\"}",
                "noise: {op: fit.noise, band: band}", "noise: noise.figures"),
@@ -402,9 +401,6 @@ const std::vector<NodeWork>& node_work()
     return table;
 }
 
-std::string graph_text(const NodeWork& work)
-{
-    return "rayloom: 1\nname: node\n" + work.graph;
-}
+std::string graph_text(const NodeWork& work) { return "rayloom: 1\nname: node\n" + work.graph; }
 
 } // namespace rayloom::oracle

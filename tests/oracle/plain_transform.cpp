@@ -91,8 +91,8 @@ PlainResult plain_demodulate(const PlainInput& in)
     out.images["image"] = {make_raster(image, 3, [&](int c, int x, int y) {
         return divides(c, x, y) ? image.at(c, x, y) / pivot.at(c, x, y) : image.at(c, x, y);
     })};
-    out.images["marked"] = {make_raster(
-        image, 3, [&](int c, int x, int y) { return divides(c, x, y) ? 0.0 : 1.0; })};
+    out.images["marked"] = {
+        make_raster(image, 3, [&](int c, int x, int y) { return divides(c, x, y) ? 0.0 : 1.0; })};
     return out;
 }
 
@@ -292,8 +292,7 @@ PlainResult plain_local_variance(const PlainInput& in)
     out.images["image"] = {make_raster(image, 3, [&](int c, int x, int y) {
         return square_mean(image, 3, x, y, [&](int u, int v) {
             const auto at = [&](int i, int j) {
-                return image.at(c, mirrored_index(i, image.width),
-                                mirrored_index(j, image.height));
+                return image.at(c, mirrored_index(i, image.width), mirrored_index(j, image.height));
             };
             const double h = 2.0 * at(u, v) - at(u - 1, v) - at(u + 1, v);
             const double w = 2.0 * at(u, v) - at(u, v - 1) - at(u, v + 1);
@@ -329,14 +328,14 @@ PlainResult plain_restore_mean(const PlainInput& in)
     const Raster<double> light = make_raster(
         image, 3, [&](int c, int x, int y) { return std::max(image.at(c, x, y), 0.0); });
     const Raster<double> mean = spread(light, scale);
-    const Raster<double> share = spread(make_raster(image, 3,
-                                                    [&](int c, int x, int y) {
-                                                        return mean.at(c, x, y) > 1e-30
-                                                                   ? reference.at(c, x, y) /
-                                                                         mean.at(c, x, y)
-                                                                   : 0.0;
-                                                    }),
-                                        scale);
+    const Raster<double> share =
+        spread(make_raster(image, 3,
+                           [&](int c, int x, int y) {
+                               return mean.at(c, x, y) > 1e-30
+                                          ? reference.at(c, x, y) / mean.at(c, x, y)
+                                          : 0.0;
+                           }),
+               scale);
     PlainResult out;
     out.images["image"] = {make_raster(image, 3, [&](int c, int x, int y) {
         const double kept = mean.at(c, x, y) > 1e-30 ? 0.0 : reference.at(c, x, y);

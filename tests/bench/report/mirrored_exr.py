@@ -68,14 +68,15 @@ class _Part:
     def row_bytes(self, width):
         return width * sum(self.sizes)
 
-    def wide(self, row, width):
+    def wide(self, row, width, black):
         """A row with its mirrored copies, channel after channel."""
         out, at = [], 0
-        for size in self.sizes:
+        for (name, _), size in zip(self.channels, self.sizes):
             samples = array.array(ARRAY_CODE[size], row[at:at + size * self.width])
             at += size * self.width
             both = samples.tobytes() + samples[::-1].tobytes()
-            out.append((both * -(-width * size // len(both)))[:width * size])
+            dark = round(black(name) * width) * size
+            out.append(bytes(dark) + (both * -(-width * size // len(both)))[dark:width * size])
         return b"".join(out)
 
 
@@ -111,9 +112,9 @@ def _read(path):
     return data[:8], multi, parts
 
 
-def enlarge(source, target, width, height):
+def enlarge(source, target, width, height, black=lambda channel: 0.0):
     """Writes `source` as width × height pixels with the same channels, types, layers and parts,
-    not compressed."""
+    not compressed. `black` gives the share of a channel's columns, from the left, that are 0."""
     plain = target.with_suffix(".plain.exr")
     # Channels of several types would all become float.
     kinds = {name: kind for p in _headers(source, source.read_bytes())[0] for name, kind in p.channels}
@@ -135,6 +136,6 @@ def enlarge(source, target, width, height):
                 k = y % (2 * part.height)
                 k = min(k, 2 * part.height - 1 - k)
                 if k not in wide:
-                    wide[k] = part.wide(part.rows[k], width)
+                    wide[k] = part.wide(part.rows[k], width, black)
                 out.write((struct.pack("<i", number) if multi else b"") + struct.pack("<iI", y, size))
                 out.write(wide[k])

@@ -11,14 +11,14 @@ from common import BenchError, file_hash, machine, say
 from mirrored_exr import enlarge
 
 
-def prepare(case, width, height, folder):
-    """The case's inputs at another size."""
+def prepare(case, width, height, folder, black=lambda channel: 0.0):
+    """The case's inputs at another size; `black` as enlarge() takes it."""
     made = folder / f"{width}x{height}"
     for file in case.files:
         target = made / file.relative_to(case.scene.folder)
         target.parent.mkdir(exist_ok=True, parents=True)
         if not target.exists():
-            enlarge(file, target, width, height)
+            enlarge(file, target, width, height, black)
     return [text.replace(str(case.scene.folder), str(made)) for text in case.inputs]
 
 

@@ -149,6 +149,10 @@ class Case:
     def name(self):
         return f"{self.graph['graph']} {self.scene.name} {self.spp}"
 
+    def with_inputs(self, inputs):
+        """The same with other files."""
+        return Case(self.graph, self.scene, self.spp, inputs, self.files, self.output, self.uses_stack)
+
 
 class NotApplicable(Exception):
     pass

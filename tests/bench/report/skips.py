@@ -5,8 +5,20 @@ import pathlib
 import shutil
 import tempfile
 
+import scaling
 import scenes as scene_files
 from common import BenchError, file_hash, run, say
+
+# What is proved for every graph, and how.
+KINDS = {
+    "shortcuts": "everything on, against --no-skip",
+    "black_region": "left half of the image black, everything on, against --no-skip",
+    "black_passes": "glossy and transmitted light black, everything on, against --no-skip",
+    "one_output": "one output asked for, against all of them",
+    "region": "a quarter of the frame asked for, against all of it",
+    "cache": "nothing changed since the last run, against an empty cache",
+}
+SIZE = (480, 270)  # of images that are made for a kind: mirrored copies of the render
 
 
 def same_pixels(a, b):
@@ -15,15 +27,14 @@ def same_pixels(a, b):
     return hashes[0] == hashes[1]
 
 
-def without(case, program, out, more, repeats):
+def without(case, program, out, repeats):
     """Runs with and without shortcuts, taking turns: both see the same machine."""
     files = {"with": out / "with.exr", "without": out / "without.exr"}
     seconds, cpu, reports = {"with": [], "without": []}, {"with": [], "without": []}, {}
     for turn in range(repeats):
         for side in (("with", "without") if turn % 2 == 0 else ("without", "with")):
-            options = list(more.get(side, ())) + (["--no-skip"] if side == "without" else [])
-            inputs = [i for i in case.inputs]
-            reports[side], done = program.run_graph(case.graph["file"], inputs,
+            options = ["--no-skip"] if side == "without" else []
+            reports[side], done = program.run_graph(case.graph["file"], case.inputs,
                                                     f"{case.output}={files[side]}", options)
             seconds[side].append(reports[side]["seconds"])
             cpu[side].append(done.cpu)
@@ -47,7 +58,7 @@ def skips(program, results, data, graph_folder, only=None, repeats=3):
     for case in chosen.values():
         folder = pathlib.Path(tempfile.mkdtemp(prefix="rayloom-bench-"))
         try:
-            for kind in ("shortcuts", "region", "cache"):
+            for kind in applicable(case):
                 key = (f"skip:{kind}:{file_hash(case.graph['file'], *case.files)}:{repeats}:"
                        f"{program.identity}")
                 if results.known(key):
@@ -60,15 +71,41 @@ def skips(program, results, data, graph_folder, only=None, repeats=3):
             shutil.rmtree(folder, ignore_errors=True)
 
 
+def applicable(case):
+    """A graph with one image to give has no other output to leave out, and only whole renders bring passes."""
+    images = [o for o in case.graph["outputs"] if o["kind"] == "image"]
+    renders = any(i.startswith("render=") for i in case.inputs)
+    return [k for k in KINDS if (k != "one_output" or len(images) > 1) and (k != "black_passes" or renders)]
+
+
+def dark(kind):
+    """What is black of a channel."""
+    passes = ("Gloss", "Trans")
+    if kind == "black_passes":
+        return lambda name: 1.0 if name.split(".")[-2:][0].startswith(passes) else 0.0
+    return lambda name: 0.5
+
+
 def measure(case, program, results, folder, kind, key, repeats):
     graph, proof = case.graph["file"], None
-    names = {"shortcuts": "everything on, against --no-skip",
-             "region": "a quarter of the frame asked for, against all of it",
-             "cache": "nothing changed since the last run, against an empty cache"}
-    if kind == "shortcuts":
-        files, seconds, cpu, reports = without(case, program, folder, {}, repeats)
+    if kind in ("shortcuts", "black_region", "black_passes"):
+        if kind != "shortcuts":
+            case = case.with_inputs(scaling.prepare(case, *SIZE, folder / kind, dark(kind)))
+        files, seconds, cpu, reports = without(case, program, folder, repeats)
         proof = same_pixels(files["with"], files["without"])
         report = reports["with"]
+    elif kind == "one_output":
+        seconds, cpu = {"with": [], "without": []}, {"with": [], "without": []}
+        others = [o["name"] for o in case.graph["outputs"] if o["kind"] == "image" and o["name"] != case.output]
+        for _ in range(repeats):
+            for side in ("with", "without"):
+                more = [a for name in (others if side == "without" else []) for a in ("-o", f"{name}={folder / (name + '_.exr')}")]
+                got, done = program.run_graph(graph, case.inputs, f"{case.output}={folder / (side + '.exr')}", more)
+                seconds[side].append(got["seconds"])
+                cpu[side].append(done.cpu)
+                if side == "with":
+                    report = got
+        proof = same_pixels(folder / "without.exr", folder / "with.exr")
     elif kind == "region":
         window = case.scene.info(program, case.scene.reference)["parts"][0]["data_window"]
         w, h = window["width"] // 2, window["height"] // 2
@@ -109,11 +146,11 @@ def measure(case, program, results, folder, kind, key, repeats):
             if node["id"] not in entry["nodes"]:
                 entry["nodes"].append(node["id"])
                 entry["pixels"] += pixels
-    results.add("skip", key, what=f"{kind}|{case.graph['graph']}", kind_of_skip=kind, title=names[kind],
+    results.add("skip", key, what=f"{kind}|{case.graph['graph']}", kind_of_skip=kind, title=KINDS[kind],
                 graph=case.graph["graph"], scene=case.scene.name, spp=case.spp,
                 seconds_with=seconds["with"], seconds_without=seconds["without"],
                 cpu_with=cpu["with"], cpu_without=cpu["without"], equal_pixels=proof, reasons=reasons)
-    say(f"skip: {case.graph['graph']}, {names[kind]}: {min(seconds['with']):.3f} s against "
+    say(f"skip: {case.graph['graph']}, {KINDS[kind]}: {min(seconds['with']):.3f} s against "
         f"{min(seconds['without']):.3f} s, pixels {'equal' if proof else 'DIFFER'}")
     if not proof:
-        raise BenchError(f"{case.name}: pixels differ ({names[kind]})")
+        raise BenchError(f"{case.name}: pixels differ ({KINDS[kind]})")
