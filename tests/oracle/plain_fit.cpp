@@ -58,6 +58,18 @@ Moments moments_of(const Raster<double>& band, int channel, const Halo& margin)
     return m;
 }
 
+/// The median of |v| as fit.noise has it: the upper end of its quarter of an octave (octaves cut in
+/// four equal parts), from 2^−24 to 2^8.
+double median_size(std::vector<double> values)
+{
+    for (double& v : values) v = std::abs(v);
+    std::ranges::sort(values);
+    const double median = values[(values.size() + 1) / 2 - 1];
+    const double inside = std::clamp(median, std::exp2(-24), std::nextafter(std::exp2(8), 0.0));
+    const double octave = std::exp2(std::floor(std::log2(inside)));
+    return octave * (1.0 + (std::floor(4.0 * (inside / octave - 1.0)) + 1.0) / 4.0);
+}
+
 const Halo& margin_of_band()
 {
     static const Halo margin = steerable_halo(band_of_channel("level1.band1.R"));
@@ -107,10 +119,10 @@ PlainResult plain_fit_noise(const PlainInput& in)
     for (int c = 0; c < 3; ++c) {
         const Moments m = moments_of(in.image("band"), c, {});
         const double shape = std::max(fit_density(m.second, m.fourth).p, 1.5);
-        // The high-pass 1 − [1 2 1]ᵀ[1 2 1]/16 makes √(¾² + 4/64 + 4/256) of a pixel's noise. The
-        // limit of six median sizes is not reached by the images this is held against.
-        const double pixel_variance = m.second / (0.5625 + 4.0 / 64.0 + 4.0 / 256.0);
-        const double deviation = (1.0 + 4.0 * pixel_variance) * std::sqrt(m.second);
+        // The high-pass 1 − [1 2 1]ᵀ[1 2 1]/16 makes √(¾² + 4/64 + 4/256) of a pixel's noise.
+        const double measured = std::min(std::sqrt(m.second), 6.0 * median_size(m.values));
+        const double pixel_variance = measured * measured / (0.5625 + 4.0 / 64.0 + 4.0 / 256.0);
+        const double deviation = (1.0 + 4.0 * pixel_variance) * measured;
         columns["p_n"].push_back(shape);
         columns["s_n"].push_back(deviation / std::sqrt(variance_of_shape(shape)));
         columns["deviation"].push_back(deviation);
