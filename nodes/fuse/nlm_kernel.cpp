@@ -342,6 +342,7 @@ void WeighFor(const Group& group, const WeightJob& job)
     case 2: return Weigh<gate, 2>(group, job);
     case 3: return Weigh<gate, 3>(group, job);
     case 4: return Weigh<gate, 4>(group, job);
+    case 5: return Weigh<gate, 5>(group, job);
     default: return Weigh<gate, -1>(group, job);
     }
 }
@@ -523,6 +524,7 @@ private:
         case 2: return FilterRows<2>(m_differences, m_row, weights, 2, group, out);
         case 3: return FilterRows<3>(m_differences, m_row, weights, 3, group, out);
         case 4: return FilterRows<4>(m_differences, m_row, weights, 4, group, out);
+        case 5: return FilterRows<5>(m_differences, m_row, weights, 5, group, out);
         default: return FilterRows<-1>(m_differences, m_row, weights, radius, group, out);
         }
     }

@@ -59,7 +59,10 @@ public:
                 "outputs:\n"
                 "  width: interval.half_width\n");
         d.input("mean", "mean of each pixel's samples");
-        d.input("variance", "unbiased variance, one channel per colour of the mean");
+        d.input("variance",
+                "unbiased variance, one channel per colour of the mean; without it every "
+                "pixel counts as having one sample")
+            .optional();
         d.input("count", "number of samples; its first channel is read").optional();
         d.output("low", "lower end of the interval").optional();
         d.output("high", "upper end of the interval").optional();
@@ -85,7 +88,11 @@ public:
         const ImageDesc& mean = context.input("mean");
         m_window = mean.data;
         m_mean = require_colours(context, "mean");
-        m_variance = matching_colours(context, "mean", "variance");
+        if (context.has("variance"))
+            m_variance = matching_colours(context, "mean", "variance");
+        else if (m.too_few == "error")
+            throw NodeError("there is no variance; connect one, or a stack of renders to take it "
+                            "from, or set too_few: neighbours");
         if (context.has("count")) {
             context.require_same_window("mean", "count");
         } else if (m.samples <= 0.0f) {
@@ -105,16 +112,19 @@ public:
     void compute(const TileContext& context) const override
     {
         const Region& region = context.region();
-        const ConstImageView mean = context.input("mean"), variance = context.input("variance");
+        const ConstImageView mean = context.input("mean");
+        const ConstImageView variance =
+            m_variance.empty() ? ConstImageView() : context.input("variance");
         std::size_t replaced = 0;
         for (int y = region.y0; y < region.y1; ++y)
             for (int x = region.x0; x < region.x1; ++x) {
                 const float count =
                     context.has("count") ? context.input("count").at(0, x, y) : m.samples;
                 // A count that is negative or no number is none.
-                const int n =
-                    count > 0.0f ? static_cast<int>(std::min(count, static_cast<float>(table_size)))
-                                 : 0;
+                int n = count > 0.0f
+                            ? static_cast<int>(std::min(count, static_cast<float>(table_size)))
+                            : 0;
+                if (m_variance.empty()) n = std::min(n, 1);
                 if (n == 1 && m.too_few == "error")
                     throw InputError("pixel (" + std::to_string(x) + ", " + std::to_string(y) +
                                      "): " + one_sample_has_no_interval);

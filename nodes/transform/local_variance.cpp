@@ -22,6 +22,7 @@ public:
     struct Params {
         int radius = 3;
         float limit_factor = 1.0f;
+        float floor_factor = 0.0f;
     };
 
     static void describe(Declaration<Params>& d)
@@ -41,7 +42,9 @@ public:
                  "`limit` is a variance that is known to be at least as large, such as that of the "
                  "mean of a render of which the image holds a part: it is averaged over the same "
                  "square, and the smaller of both is given. That tells texture from noise wherever "
-                 "the render itself has little noise.")
+                 "the render itself has little noise. With `floor_factor` the noise counts as at "
+                 "least that share of the averaged `limit`: for a guide without noise in a noisy "
+                 "render, where next to nothing would be like anything else.")
             .source("second-difference noise estimators: Gasser, Sroka and Jennen-Steinmetz 1986")
             .accuracy("Unbiased for independent normal noise on a constant or linear image.")
             .example("rayloom: 1\n"
@@ -60,6 +63,9 @@ public:
             .unit("px");
         d.param("limit_factor", &Params::limit_factor,
                 "The share of `limit` that the noise of this image can be.")
+            .range(0, 1e6);
+        d.param("floor_factor", &Params::floor_factor,
+                "The share of `limit` that it counts as at least.")
             .range(0, 1e6);
     }
 
@@ -107,7 +113,8 @@ public:
                 limit.resize(to.size());
                 average(context.input("limit"), m_limit_channels[c], wide, y, region.x0, limit);
                 for (std::size_t i = 0; i < to.size(); ++i)
-                    to[i] = std::min(to[i], m.limit_factor * limit[i]);
+                    to[i] = std::min(std::max(to[i], m.floor_factor * limit[i]),
+                                     m.limit_factor * limit[i]);
             }
         }
     }

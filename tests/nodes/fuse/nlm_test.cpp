@@ -171,6 +171,7 @@ INSTANTIATE_TEST_SUITE_P(
                     OracleCase{"window_wider_than_image", {0, 0, 9, 5}, "two-sample", 31, 5},
                     OracleCase{"patch_wider_than_image", {7, 7, 10, 8}, "none", 31, 9},
                     OracleCase{"one_pixel", {0, 0, 1, 1}, "two-sample", 7, 5},
+                    OracleCase{"patch_11", {0, 0, 30, 22}, "one-sample", 9, 11},
                     OracleCase{"patch_13", {0, 0, 30, 22}, "two-sample", 9, 13},
                     OracleCase{"wide_window", {0, 0, 60, 24}, "one-sample", 43, 7},
                     OracleCase{"seven_channels", {0, 0, 25, 20}, "one-sample", 7, 5, 1.0f, 7, 3},

@@ -41,7 +41,7 @@ Table figures(const RunReport& report, const char* output)
     return report.tables.at(output).front();
 }
 
-TEST(VirtualFlash, ErrorFallsWithSamplesAndLightIsKept)
+TEST(VirtualFlash, ErrorFallsWithSamplesBelowPlainNonLocalMeansAndLightIsKept)
 {
     const Graph graph = read_graph((source / "tests/studies/virtual_flash_readings.yaml").string());
     for (const char* scene : {"caustics", "interior", "dof"}) {
@@ -49,12 +49,19 @@ TEST(VirtualFlash, ErrorFallsWithSamplesAndLightIsKept)
         for (const int samples : {4, 8, 16}) {
             RunRequest request = request_for(source / "tests/data/cycles" / scene, samples);
             request.outputs["noisy"] = {};
+            request.outputs["nlm"] = {};
             request.outputs["d"] = {};
             const RunReport report = run_graph(graph, request);
-            const Table noisy = figures(report, "noisy"), result = figures(report, "d");
+            const Table noisy = figures(report, "noisy"), plain = figures(report, "nlm"),
+                        result = figures(report, "d");
             EXPECT_LT(result.number("relmse"), before) << scene << " " << samples;
-            EXPECT_LT(result.number("relmse"), 0.5 * noisy.number("relmse"))
+            EXPECT_LT(result.number("relmse"), 0.25 * noisy.number("relmse"))
                 << scene << " " << samples;
+            // The 96×96 pixels of the caustic hold too few fireflies to say so of four samples.
+            if (samples > 4) {
+                EXPECT_LT(result.number("relmse"), plain.number("relmse"))
+                    << scene << " " << samples;
+            }
             EXPECT_NEAR(result.number("brightness_ratio") / noisy.number("brightness_ratio"), 1.0,
                         0.03)
                 << scene << " " << samples;
@@ -128,6 +135,33 @@ TEST(VirtualFlash, WhatCannotBeDoneIsSaid)
     frames.inputs["guide_before"].is_list = true;
     frames.outputs["image"] = {};
     EXPECT_THAT(error_of(sequence, frames), testing::HasSubstr("288x288"));
+}
+
+TEST(VirtualFlash, OneSampleAPixelTakesItsNoiseFromTheNeighboursWhenAsked)
+{
+    const Graph graph = read_graph((source / "graphs/virtual-flash.yaml").string());
+    const auto scene = source / "tests/data/cycles/dof";
+    RunRequest request = request_for(scene, 1);
+    request.inputs["mean"].files = request.inputs["stack"].files;
+    request.inputs.erase("stack");
+    request.inputs.erase("reference");
+    request.outputs["image"] = {};
+    EXPECT_THAT(error_of(graph, request), testing::HasSubstr("there is no variance"));
+    request.param_texts["too_few"] = "neighbours";
+    const RunReport report = run_graph(graph, request);
+    const MemoryImage& image = report.images.at("image").front();
+    const MemoryImage noisy = load_image((scene / "stack/s01.exr").string(), "Combined");
+    const MemoryImage truth = load_image((scene / "ref.exr").string(), "Combined");
+    double before = 0.0, after = 0.0;
+    for (int c = 0; c < 3; ++c)
+        for (int y = 0; y < 96; ++y)
+            for (int x = 0; x < 96; ++x) {
+                const double r = truth.pixels.view().at(c, x, y);
+                const double scale = 1.0 / (r * r + 0.01);
+                before += scale * std::pow(noisy.pixels.view().at(c, x, y) - r, 2);
+                after += scale * std::pow(image.pixels.view().at(c, x, y) - r, 2);
+            }
+    EXPECT_LT(after, before / 5.0);
 }
 
 TEST(VirtualFlash, WithoutAFlashTheLightAloneGuidesAndTheReportSaysSo)

@@ -128,5 +128,22 @@ TEST(Interval, OneSampleHasNone)
     EXPECT_EQ(run.counted.at("pixels with one sample, width from their neighbours"), 1u);
 }
 
+TEST(Interval, WithoutVarianceThereAreTheNeighboursOrAnError)
+{
+    const TestImage mean = ramp(), variance = spread();
+    EXPECT_EQ(error_of({{"samples", 16.0}}, {{"mean", {&mean}}}),
+              "there is no variance; connect one, or a stack of renders to take it from, or set "
+              "too_few: neighbours");
+    const ParamValues neighbours{{"samples", 1.0}, {"too_few", std::string("neighbours")}};
+    const NodeRun one =
+        run_node("threshold.interval", neighbours, {{"mean", {&mean}}, {"variance", {&variance}}});
+    const NodeRun none =
+        run_node("threshold.interval", {{"samples", 16.0}, {"too_few", std::string("neighbours")}},
+                 {{"mean", {&mean}}});
+    EXPECT_EQ(test::differing_floats(one.image("low"), none.image("low")), 0u);
+    EXPECT_EQ(none.counted.at("pixels with one sample, width from their neighbours"),
+              window.pixels());
+}
+
 } // namespace
 } // namespace rayloom

@@ -112,6 +112,23 @@ TEST(LocalVariance, TheLimitHolds)
     EXPECT_EQ(mean_of(run.image("variance"), 1), mean_of(free.image("variance"), 1));
 }
 
+TEST(LocalVariance, ACleanImageHasTheFloorsNoise)
+{
+    const TestImage image = make_image({0, 0, 40, 40}, {"R", "G", "B"},
+                                       [](int c, int x, int) { return static_cast<float>(c * x); });
+    const TestImage limit = make_image(image.desc.data, {"R", "G", "B"},
+                                       [](int, int x, int) { return x < 20 ? 1.0f : 3.0f; });
+    const auto run = run_node("transform.local_variance", {{"floor_factor", 0.25}},
+                              {{"image", {&image}}, {"limit", {&limit}}});
+    EXPECT_FLOAT_EQ(run.image("variance").view().at(0, 5, 20), 0.25f);
+    EXPECT_FLOAT_EQ(run.image("variance").view().at(2, 35, 20), 0.75f);
+    // The limit is the stronger one.
+    const auto both =
+        run_node("transform.local_variance", {{"floor_factor", 0.25}, {"limit_factor", 0.1}},
+                 {{"image", {&image}}, {"limit", {&limit}}});
+    EXPECT_FLOAT_EQ(both.image("variance").view().at(1, 5, 20), 0.1f);
+}
+
 TEST(LocalVariance, TilesChangeNoBit)
 {
     const TestImage image = noisy_ramp(1.0);
