@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # The figures of docs/methods/virtual-flash.md. Usage: virtual_flash.sh SCENES [BUILD_FOLDER] [WHAT]…
-# SCENES holds cornell, caustics, interior and dof, each with stack/sNN.exr (1 sample a pixel),
-# flash_16.exr and ref.exr. WHAT: readings, gates, coverage, sequence (all of them).
+# SCENES holds cornell, caustics, interior and dof, each with stack/sNN.exr (1 sample a pixel; 128 of them
+# for all rows of coverage), flash_16.exr and ref.exr. WHAT: readings, gates, coverage, sequence (all of them).
 set -euo pipefail
 scenes=$(realpath "$1")
 build=$(realpath "${2:-build}")
@@ -34,7 +34,7 @@ for part in $what; do
     case $part in
     readings | gates)
         gates=two-sample
-        [ "$part" = gates ] && gates='two-sample one-sample none'
+        [ "$part" = gates ] && gates='two-sample one-sample none paper'
         samples='4 8 16 32'
         [ "$part" = gates ] && samples=16
         for scene in cornell caustics interior dof; do
@@ -42,7 +42,10 @@ for part in $what; do
                 for gate in $gates; do
                     mapfile -t with < <(inputs "$scene" "$n")
                     outputs='noisy nlm first single a b c d'
-                    measure "$outputs" "$here/virtual_flash_readings.yaml" "${with[@]}" -p "gate=$gate"
+                    settings=(-p "gate=$gate")
+                    [ "$gate" = paper ] &&
+                        settings=(-p gate=one-sample -p outliers=0 -p floor=0 -p "narrow_samples=$n")
+                    measure "$outputs" "$here/virtual_flash_readings.yaml" "${with[@]}" "${settings[@]}"
                     for f in relmse brightness_ratio; do
                         printf '%s %s %s %s %s' "$part" "$scene" "$n" "$gate" "$f"
                         for o in $outputs; do printf ' %s %.4g' "$o" "$(figure "$o" $f)"; done
