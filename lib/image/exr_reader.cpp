@@ -5,412 +5,24 @@
 #include "rayloom/core/parallel.h"
 #include "rayloom/core/text.h"
 #include "rayloom/image/half.h"
+#include "rayloom/image/image_input.h"
 
 #include <OpenImageIO/deepdata.h>
-#include <OpenImageIO/hash.h>
-#include <OpenImageIO/strutil.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <mutex>
-#include <set>
-#include <sys/stat.h>
-#include <system_error>
 
 namespace rayloom
 {
 
 namespace
 {
-constexpr int max_parts = 4096;
-constexpr int max_channels = 16384;
-constexpr std::int64_t max_side = 1 << 24;
 // Decoded rows held at a time: enough for every decoding thread to have blocks of its own.
 constexpr std::size_t band_bytes = std::size_t{32} << 20;
-
-[[noreturn]] void fail(const std::string& path, const std::string& what)
-{
-    throw InputError(path + ": " + what);
-}
-
-// OpenImageIO's messages may hold several lines and the path we already say.
-std::string clean(std::string message, const std::string& path)
-{
-    message = OIIO::Strutil::replace(message, "\"" + path + "\"", "it", true);
-    while (!message.empty() && (message.back() == '\n' || message.back() == ' '))
-        message.pop_back();
-    message = OIIO::Strutil::replace(message, "\n", "; ", true);
-    return message.empty() ? "no reason was given" : message;
-}
-
-struct stat file_status(const std::string& path)
-{
-    struct stat status {
-    };
-    if (::stat(path.c_str(), &status) != 0) fail(path, std::strerror(errno));
-    if (S_ISDIR(status.st_mode)) fail(path, "is a folder, not an image");
-    return status;
-}
-
-std::unique_ptr<OIIO::ImageInput> open_input(const std::string& path)
-{
-    file_status(path);
-    if (!std::ifstream(path, std::ios::binary)) fail(path, "cannot be opened for reading");
-    std::unique_ptr<OIIO::ImageInput> input;
-    try {
-        input = OIIO::ImageInput::open(path);
-    } catch (const std::system_error& e) {
-        if (e.code() == std::errc::resource_unavailable_try_again)
-            throw MemoryError(path + ": memory ran out: no thread could be started to read it");
-        fail(path, "is not an image that can be read: " + clean(e.what(), path));
-    } catch (const std::exception& e) {
-        fail(path, "is not an image that can be read: " + clean(e.what(), path));
-    }
-    if (!input) fail(path, "is not an image that can be read: " + clean(OIIO::geterror(), path));
-    return input;
-}
-
-int rows_per_chunk(const OIIO::ImageSpec& spec, bool exr)
-{
-    if (spec.tile_height > 0) return spec.tile_height;
-    if (!exr) return std::max(1, spec.get_int_attribute("tiff:RowsPerStrip", 1));
-    const std::string compression = spec.get_string_attribute("compression");
-    if (OIIO::Strutil::istarts_with(compression, "dwab")) return 256;
-    for (const char* name : {"piz", "b44", "dwaa"})
-        if (OIIO::Strutil::istarts_with(compression, name)) return 32;
-    if (compression == "zip" || compression == "pxr24") return 16;
-    return 1;
-}
-
-// Refuses headers whose numbers cannot be true before memory is asked for them.
-void check_header(const std::string& path, const OIIO::ImageSpec& spec, const PartInfo& part,
-                  bool exr, std::int64_t file_bytes)
-{
-    const std::string size = std::to_string(spec.width) + "x" + std::to_string(spec.height) +
-                             " pixels with " + std::to_string(spec.nchannels) + " channels";
-    const std::int64_t x1 = std::int64_t{spec.x} + spec.width,
-                       y1 = std::int64_t{spec.y} + spec.height,
-                       full_x1 = std::int64_t{spec.full_x} + spec.full_width,
-                       full_y1 = std::int64_t{spec.full_y} + spec.full_height;
-    constexpr std::int64_t edge = std::numeric_limits<int>::max() / 2;
-    if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0)
-        fail(path, "its header promises " + size + "; the file is corrupt");
-    if (spec.depth > 1) fail(path, "is a volume; only flat and deep images are read");
-    if (spec.width > max_side || spec.height > max_side || spec.nchannels > max_channels ||
-        x1 > edge || y1 > edge || full_x1 > edge || full_y1 > edge || spec.x < -edge ||
-        spec.y < -edge || spec.full_x < -edge || spec.full_y < -edge)
-        fail(path,
-             "its header promises " + size + ", more than any image has; the file is corrupt");
-    if (exr) { // every block or tile has an 8-byte entry in the file's table
-        const std::int64_t across =
-            spec.tile_width > 0 ? (spec.width + spec.tile_width - 1) / spec.tile_width : 1;
-        const std::int64_t blocks = (spec.height + part.chunk_rows - 1) / part.chunk_rows * across;
-        if (blocks * 8 > file_bytes)
-            fail(path, "its header promises " + size + ", but the file has only " +
-                           format_bytes(static_cast<std::size_t>(file_bytes)));
-    }
-}
-
-std::vector<std::string> view_names(const OIIO::ImageSpec& spec)
-{
-    std::vector<std::string> views;
-    const OIIO::ParamValue* p = spec.find_attribute("multiView");
-    if (p != nullptr && p->type().basetype == OIIO::TypeDesc::STRING)
-        for (int i = 0; i < p->nvalues() * static_cast<int>(p->type().numelements()); ++i)
-            views.push_back(p->get_string_indexed(i));
-    return views;
-}
-
-void add_layers(const PartInfo& part, const std::vector<std::string>& views,
-                std::vector<LayerInfo>& layers)
-{
-    const std::size_t first = layers.size();
-    for (int c = 0; c < part.spec->nchannels; ++c) {
-        const std::string& full = part.spec->channelnames[static_cast<std::size_t>(c)];
-        const std::size_t dot = full.rfind('.');
-        const std::string prefix = dot == std::string::npos ? "" : full.substr(0, dot);
-        auto layer = std::find_if(layers.begin() + static_cast<std::ptrdiff_t>(first), layers.end(),
-                                  [&](const LayerInfo& l) { return l.name == prefix; });
-        if (layer == layers.end()) {
-            LayerInfo info;
-            info.part = part.index;
-            info.part_name = part.name;
-            info.name = prefix;
-            info.view = part.view;
-            std::string rest = prefix;
-            std::string last = rest.substr(rest.rfind('.') + 1);
-            if (std::find(views.begin(), views.end(), last) != views.end()) {
-                info.view = last;
-                rest.resize(rest.size() - std::min(rest.size(), last.size() + 1));
-                last = rest.substr(rest.rfind('.') + 1);
-            } else if (!views.empty()) {
-                info.view = views.front(); // names without a view belong to the first one
-            }
-            info.pass = last;
-            layers.push_back(std::move(info));
-            layer = layers.end() - 1;
-        }
-        layer->channels.push_back(c);
-        layer->channel_names.push_back(dot == std::string::npos ? full : full.substr(dot + 1));
-    }
-}
 } // namespace
-
-std::string LayerInfo::address() const
-{
-    if (name.empty() || part_name.empty()) return name.empty() ? part_name : name;
-    if (name == part_name || OIIO::Strutil::starts_with(name, part_name + ".")) return name;
-    return part_name + "." + name;
-}
-
-std::vector<std::string> LayerInfo::full_names() const
-{
-    std::vector<std::string> names;
-    for (const std::string& c : channel_names) names.push_back(name.empty() ? c : name + "." + c);
-    return names;
-}
-
-std::shared_ptr<const ImageFile> ImageFile::open(const std::string& path)
-{
-    const auto input = open_input(path);
-    const std::int64_t file_bytes = file_status(path).st_size;
-    auto file = std::make_shared<ImageFile>();
-    file->m_path = path;
-    file->m_format = input->format_name();
-    const bool exr = file->m_format == "openexr";
-    for (int i = 0; i < max_parts && input->seek_subimage(i, 0); ++i) {
-        const auto spec = std::make_shared<const OIIO::ImageSpec>(input->spec());
-        PartInfo part;
-        part.index = i;
-        part.name =
-            spec->get_string_attribute("oiio:subimagename", spec->get_string_attribute("name"));
-        part.view = spec->get_string_attribute("view");
-        part.spec = spec;
-        part.deep = spec->deep;
-        part.chunk_rows = rows_per_chunk(*spec, exr);
-        check_header(path, *spec, part, exr, file_bytes);
-        part.data = {spec->x, spec->y, spec->x + spec->width, spec->y + spec->height};
-        part.display = {spec->full_x, spec->full_y, spec->full_x + spec->full_width,
-                        spec->full_y + spec->full_height};
-        file->m_parts.push_back(std::move(part));
-    }
-    if (file->m_parts.empty()) fail(path, "holds no image");
-    for (PartInfo& part : file->m_parts) {
-        if (part.name.empty() && file->m_parts.size() > 1) part.name = std::to_string(part.index);
-        add_layers(part, view_names(*part.spec), file->m_layers);
-    }
-    return file;
-}
-
-namespace
-{
-bool same_text(std::string_view a, std::string_view b, bool ignore_case)
-{
-    return ignore_case ? OIIO::Strutil::iequals({a.data(), a.size()}, {b.data(), b.size()})
-                       : a == b;
-}
-
-ChannelSelection whole_layer(const LayerInfo& layer)
-{
-    return {layer.part, layer.address(), layer.channels, layer.channel_names};
-}
-
-// All of a part's channels under `prefix`, named by what follows it.
-ChannelSelection channels_under(const PartInfo& part, const std::string& address,
-                                const std::string& prefix)
-{
-    ChannelSelection s{part.index, address, {}, {}};
-    for (int c = 0; c < part.spec->nchannels; ++c) {
-        const std::string& full = part.spec->channelnames[static_cast<std::size_t>(c)];
-        if (!OIIO::Strutil::starts_with(full, prefix)) continue;
-        s.channels.push_back(c);
-        s.names.push_back(full.substr(prefix.size()));
-    }
-    return s;
-}
-} // namespace
-
-ChannelSelection ImageFile::select(std::string_view address, std::string_view part_text) const
-{
-    std::vector<int> wanted_parts;
-    for (const PartInfo& part : m_parts)
-        if (part_text.empty() || part.name == part_text || std::to_string(part.index) == part_text)
-            wanted_parts.push_back(part.index);
-    if (wanted_parts.empty()) {
-        std::vector<std::string> names;
-        for (const PartInfo& part : m_parts)
-            names.push_back(part.name.empty() ? std::to_string(part.index) : part.name);
-        fail(m_path, "has no part '" + std::string(part_text) + "'" + suggestion(part_text, names));
-    }
-    // A number may be one part's name and another's place; the name wins.
-    for (const int p : std::vector<int>(wanted_parts))
-        if (!part_text.empty() && m_parts[static_cast<std::size_t>(p)].name == part_text)
-            wanted_parts = {p};
-
-    std::vector<const LayerInfo*> candidates;
-    for (const LayerInfo& layer : m_layers)
-        if (std::find(wanted_parts.begin(), wanted_parts.end(), layer.part) != wanted_parts.end())
-            candidates.push_back(&layer);
-    const std::string text(address);
-
-    if (text.empty()) {
-        const PartInfo& first = m_parts[static_cast<std::size_t>(wanted_parts.front())];
-        std::vector<const LayerInfo*> here;
-        for (const LayerInfo* l : candidates)
-            if (l->part == first.index) here.push_back(l);
-        if (here.size() == 1) return whole_layer(*here.front());
-        return channels_under(first, first.name, "");
-    }
-
-    std::vector<ChannelSelection> found;
-    const auto settled = [&]() -> bool {
-        if (found.size() <= 1) return !found.empty();
-        std::vector<std::string> names;
-        for (const ChannelSelection& s : found) names.push_back(s.layer);
-        fail(m_path,
-             "'" + text + "' may be " + join_names(names, true) + "; write which of them is meant");
-    };
-    for (const bool ignore_case : {false, true}) {
-        const auto equal = [&](const std::string& name) {
-            return same_text(name, text, ignore_case);
-        };
-        // A layer's full address, its name, or the part that has this one plain layer.
-        for (const LayerInfo* l : candidates)
-            if (equal(l->address()) ||
-                (!l->part_name.empty() && !l->name.empty() && equal(l->part_name + "." + l->name)))
-                found.push_back(whole_layer(*l));
-        if (settled()) return found.front();
-        for (const LayerInfo* l : candidates)
-            if (!l->name.empty() && equal(l->name)) found.push_back(whole_layer(*l));
-        if (settled()) return found.front();
-        for (const LayerInfo* l : candidates)
-            if (!l->pass.empty() && (equal(l->pass) || equal(l->pass + "." + l->view)))
-                found.push_back(whole_layer(*l));
-        if (settled()) return found.front();
-        // One channel.
-        for (const LayerInfo* l : candidates)
-            for (std::size_t c = 0; c < l->channels.size(); ++c) {
-                const std::string full =
-                    l->name.empty() ? l->channel_names[c] : l->name + "." + l->channel_names[c];
-                if (equal(full) || (!l->part_name.empty() && equal(l->part_name + "." + full)) ||
-                    (!l->name.empty() && equal(l->pass + "." + l->channel_names[c])))
-                    found.push_back({l->part,
-                                     l->part_name.empty() ? full : l->part_name + "." + full,
-                                     {l->channels[c]},
-                                     {l->channel_names[c]}});
-            }
-        if (settled()) return found.front();
-    }
-    // The common beginning of several layers, or a part with several.
-    for (const int p : wanted_parts) {
-        const PartInfo& part = m_parts[static_cast<std::size_t>(p)];
-        ChannelSelection under = channels_under(part, text, text + ".");
-        if (!under.channels.empty())
-            found.push_back(std::move(under));
-        else if (!part.name.empty() && part.name == text)
-            found.push_back(channels_under(part, text, ""));
-        else if (!part.name.empty() && OIIO::Strutil::starts_with(text, part.name + ".")) {
-            under = channels_under(part, text, text.substr(part.name.size() + 1) + ".");
-            if (!under.channels.empty()) found.push_back(std::move(under));
-        }
-    }
-    if (found.size() > 1)
-        for (ChannelSelection& s : found)
-            s.layer = m_parts[static_cast<std::size_t>(s.part)].name + "." + text;
-    if (settled()) return found.front();
-
-    std::set<std::string> names;
-    for (const LayerInfo* l : candidates) {
-        if (l->address().empty())
-            names.insert(l->channel_names.begin(), l->channel_names.end());
-        else
-            names.insert(l->address());
-    }
-    const std::vector<std::string> all(names.begin(), names.end());
-    std::string hint = suggestion(text, all);
-    if (hint.empty()) hint = "; 'rayloom info' lists its " + std::to_string(all.size()) + " layers";
-    fail(m_path, "has no layer '" + text + "'" + hint);
-}
-
-ChannelSelection ImageFile::narrow(ChannelSelection s, std::string_view channels) const
-{
-    if (channels.empty() || channels == "any") return s;
-    const auto index_of = [&](std::string_view name) {
-        const auto it = std::find(s.names.begin(), s.names.end(), name);
-        return it == s.names.end() ? -1 : static_cast<int>(it - s.names.begin());
-    };
-    std::vector<int> wanted;
-    if (channels == "RGB") {
-        using Triple = std::array<const char*, 3>;
-        for (const Triple& names :
-             {Triple{"R", "G", "B"}, Triple{"r", "g", "b"}, Triple{"red", "green", "blue"},
-              Triple{"X", "Y", "Z"}, Triple{"x", "y", "z"}}) {
-            std::vector<int> three;
-            for (const char* name : names)
-                if (const int i = index_of(name); i >= 0) three.push_back(i);
-            if (three.size() == 3 && wanted.empty()) wanted = three;
-        }
-        int alpha = -1;
-        for (const char* name : {"A", "a", "alpha"})
-            if (alpha < 0) alpha = index_of(name);
-        if (wanted.empty()) // a grey image is its own colour
-            for (int i = 0; i < static_cast<int>(s.names.size()); ++i)
-                if (i != alpha) wanted.push_back(i);
-        if (wanted.size() != 3 && wanted.size() != 1)
-            fail(m_path, (s.layer.empty() ? std::string("it") : "layer '" + s.layer + "'") +
-                             " has no channels R, G and B; it has " +
-                             (s.names.size() <= 24 ? join_names(s.names)
-                                                   : std::to_string(s.names.size()) + " others") +
-                             "; name a layer");
-        if (alpha >= 0) wanted.push_back(alpha);
-    } else {
-        for (const std::string& piece :
-             OIIO::Strutil::splits({channels.data(), channels.size()}, ",")) {
-            const std::string name(OIIO::Strutil::strip(piece));
-            const int i = index_of(name);
-            if (i < 0)
-                fail(m_path, (s.layer.empty() ? std::string("it") : "layer '" + s.layer + "'") +
-                                 " has no channel '" + name + "'" + suggestion(name, s.names));
-            wanted.push_back(i);
-        }
-    }
-    ChannelSelection out{s.part, s.layer, {}, {}};
-    for (const int i : wanted) {
-        out.channels.push_back(s.channels[static_cast<std::size_t>(i)]);
-        out.names.push_back(s.names[static_cast<std::size_t>(i)]);
-    }
-    return out;
-}
-
-ImageDesc ImageFile::desc(const ChannelSelection& s) const
-{
-    const PartInfo& part = m_parts[static_cast<std::size_t>(s.part)];
-    auto header = std::make_shared<OIIO::ImageSpec>(*part.spec);
-    header->nchannels = static_cast<int>(s.channels.size());
-    header->channelnames = s.names;
-    header->channelformats.clear();
-    header->alpha_channel = header->z_channel = -1;
-    bool mixed = false;
-    for (std::size_t i = 0; i < s.channels.size(); ++i) {
-        const OIIO::TypeDesc type = part.spec->channelformat(s.channels[i]);
-        header->channelformats.push_back(type);
-        mixed = mixed || type != header->channelformats.front();
-        if (s.names[i] == "A") header->alpha_channel = static_cast<int>(i);
-        if (s.names[i] == "Z") header->z_channel = static_cast<int>(i);
-    }
-    if (!header->channelformats.empty()) header->format = header->channelformats.front();
-    if (!mixed) header->channelformats.clear();
-    ImageDesc desc;
-    desc.data = part.data;
-    desc.display = part.display;
-    desc.channels = s.names;
-    desc.header = std::move(header);
-    return desc;
-}
 
 // The open file and the rows last decoded.
 struct ImageReader::State {
@@ -440,9 +52,9 @@ struct ImageReader::State {
     [[noreturn]] void fail_rows(int y0, int y1, std::string why) const
     {
         const std::string of = selection.layer.empty() ? "" : " of '" + selection.layer + "'";
-        fail(file->path(), "rows " + std::to_string(y0) + " to " + std::to_string(y1 - 1) + of +
-                               " cannot be read (the file is truncated or corrupt): " +
-                               clean(std::move(why), file->path()));
+        fail_input(file->path(), "rows " + std::to_string(y0) + " to " + std::to_string(y1 - 1) +
+                                     of + " cannot be read (the file is truncated or corrupt): " +
+                                     plain_message(std::move(why), file->path()));
     }
 
     void open()
@@ -461,7 +73,7 @@ struct ImageReader::State {
         }
         if (!same) {
             input.reset();
-            fail(file->path(), "changed while it was being read");
+            fail_input(file->path(), "changed while it was being read");
         }
     }
 
@@ -559,7 +171,7 @@ ImageReader::ImageReader(std::shared_ptr<const ImageFile> file, ChannelSelection
     s.desc = s.file->desc(s.selection);
     s.part = &s.file->parts()[static_cast<std::size_t>(s.selection.part)];
     const OIIO::ImageSpec& spec = *s.part->spec;
-    if (s.selection.channels.empty()) fail(s.file->path(), "no channel was selected");
+    if (s.selection.channels.empty()) fail_input(s.file->path(), "no channel was selected");
     const auto [low, high] =
         std::minmax_element(s.selection.channels.begin(), s.selection.channels.end());
     s.first_channel = *low;
@@ -601,7 +213,8 @@ void ImageReader::read(ImageView out) const
                          std::to_string(out.channels()) + " channels was asked for; there is " +
                          s.desc.data.text() + " with " + std::to_string(s.desc.channel_count()));
     if (s.part->deep)
-        fail(s.file->path(), "'" + s.selection.layer + "' is deep; read it with io.read_deep");
+        fail_input(s.file->path(),
+                   "'" + s.selection.layer + "' is deep; read it with io.read_deep");
     const std::lock_guard lock(s.mutex);
     const OIIO::ImageSpec& spec = *s.part->spec;
     const Region& data = s.part->data;
@@ -642,7 +255,7 @@ DeepRow ImageReader::read_deep_row(int y) const
 {
     State& s = *m_state;
     const Region& data = s.part->data;
-    if (!s.part->deep) fail(s.file->path(), "'" + s.selection.layer + "' is not deep");
+    if (!s.part->deep) fail_input(s.file->path(), "'" + s.selection.layer + "' is not deep");
     if (y < data.y0 || y >= data.y1)
         throw InputError(s.file->path() + ": there is no row " + std::to_string(y));
     const std::lock_guard lock(s.mutex);
@@ -745,24 +358,6 @@ void set_image_threads(int threads)
     OIIO::attribute("threads", threads);
     // The plug-in reads 0 as "every processor" and −1 as "no pool at all".
     OIIO::attribute("exr_threads", threads == 1 ? -1 : threads);
-}
-
-std::string file_content_key(const std::string& path, bool thorough)
-{
-    const struct stat status = file_status(path);
-    if (!thorough)
-        return path + "|" + std::to_string(status.st_size) + "|" +
-               std::to_string(status.st_mtim.tv_sec) + "." + std::to_string(status.st_mtim.tv_nsec);
-    std::ifstream in(path, std::ios::binary);
-    if (!in) fail(path, "cannot be opened for reading");
-    std::vector<char> block(std::size_t{4} << 20);
-    std::uint64_t hash = static_cast<std::uint64_t>(status.st_size);
-    while (in) {
-        in.read(block.data(), static_cast<std::streamsize>(block.size()));
-        hash = OIIO::xxhash::xxhash(block.data(), static_cast<std::size_t>(in.gcount()), hash);
-    }
-    if (in.bad()) fail(path, "cannot be read to its end");
-    return OIIO::Strutil::sprintf("%016llx", static_cast<unsigned long long>(hash));
 }
 
 } // namespace rayloom

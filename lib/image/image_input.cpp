@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rayloom/image/image_input.h"
+
+#include "rayloom/core/error.h"
+
+#include <OpenImageIO/strutil.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <system_error>
+
+namespace rayloom
+{
+
+void fail_input(const std::string& path, const std::string& what)
+{
+    throw InputError(path + ": " + what);
+}
+
+std::string plain_message(std::string message, const std::string& path)
+{
+    message = OIIO::Strutil::replace(message, "\"" + path + "\"", "it", true);
+    while (!message.empty() && (message.back() == '\n' || message.back() == ' '))
+        message.pop_back();
+    message = OIIO::Strutil::replace(message, "\n", "; ", true);
+    return message.empty() ? "no reason was given" : message;
+}
+
+struct stat file_status(const std::string& path)
+{
+    struct stat status {
+    };
+    if (::stat(path.c_str(), &status) != 0) fail_input(path, std::strerror(errno));
+    if (S_ISDIR(status.st_mode)) fail_input(path, "is a folder, not an image");
+    return status;
+}
+
+std::unique_ptr<OIIO::ImageInput> open_input(const std::string& path)
+{
+    file_status(path);
+    if (!std::ifstream(path, std::ios::binary)) fail_input(path, "cannot be opened for reading");
+    std::unique_ptr<OIIO::ImageInput> input;
+    try {
+        input = OIIO::ImageInput::open(path);
+    } catch (const std::system_error& e) {
+        if (e.code() == std::errc::resource_unavailable_try_again)
+            throw MemoryError(path + ": memory ran out: no thread could be started to read it");
+        fail_input(path, "is not an image that can be read: " + plain_message(e.what(), path));
+    } catch (const std::exception& e) {
+        fail_input(path, "is not an image that can be read: " + plain_message(e.what(), path));
+    }
+    if (!input)
+        fail_input(path,
+                   "is not an image that can be read: " + plain_message(OIIO::geterror(), path));
+    return input;
+}
+
+} // namespace rayloom
