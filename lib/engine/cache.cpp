@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -113,11 +114,18 @@ private:
     std::vector<Entry> m_entries;
 };
 
+constexpr const char *image_ending = ".image", *totals_ending = ".totals",
+                     *temporary_ending = ".tmp";
+
 std::string temporary_name(const std::string& path)
 {
     static std::atomic<unsigned> counter{0};
-    return path + ".tmp" + std::to_string(::getpid()) + "." + std::to_string(counter++);
+    return path + temporary_ending + std::to_string(::getpid()) + "." + std::to_string(counter++);
 }
+
+/// An entry that was used becomes the last that trim_cache() removes. (File systems are often
+/// mounted so that reading leaves no trace.)
+void mark_used(const std::string& path) { ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0); }
 
 } // namespace
 
@@ -190,7 +198,7 @@ std::string Cache::path(const std::string& key, const char* suffix) const
 std::unique_ptr<CacheWriter> Cache::writer(const std::string& key, const Region& window,
                                            int channels) const
 {
-    return std::make_unique<CacheWriter>(path(key, ".image"), window, channels);
+    return std::make_unique<CacheWriter>(path(key, image_ending), window, channels);
 }
 
 std::shared_ptr<const Node> Cache::find(const std::vector<CachedOutput>& outputs,
@@ -198,7 +206,7 @@ std::shared_ptr<const Node> Cache::find(const std::vector<CachedOutput>& outputs
 {
     std::vector<CachedImages::Entry> entries;
     for (const CachedOutput& output : outputs) {
-        const std::string file = path(output.key, ".image");
+        const std::string file = path(output.key, image_ending);
         std::unique_ptr<Mapping> mapping = Mapping::read(file);
         if (!mapping) return nullptr;
         Header header;
@@ -217,6 +225,7 @@ std::shared_ptr<const Node> Cache::find(const std::vector<CachedOutput>& outputs
             ::unlink(file.c_str());
             return nullptr;
         }
+        mark_used(file);
         const ConstImageView view(
             reinterpret_cast<const float*>(mapping->data() + offset), window, output.channels,
             static_cast<std::ptrdiff_t>(window.width()) * output.channels, window.width());
@@ -227,7 +236,7 @@ std::shared_ptr<const Node> Cache::find(const std::vector<CachedOutput>& outputs
 
 void Cache::store_totals(const std::string& key, const std::vector<double>& totals) const
 {
-    const std::string file = path(key, ".totals"), temporary = temporary_name(file);
+    const std::string file = path(key, totals_ending), temporary = temporary_name(file);
     const std::size_t bytes = totals.size() * sizeof(double);
     const std::uint64_t checksum = checksum_of(file, totals.data(), bytes);
     {
@@ -245,7 +254,7 @@ void Cache::store_totals(const std::string& key, const std::vector<double>& tota
 
 std::optional<std::vector<double>> Cache::find_totals(const std::string& key) const
 {
-    const std::string file = path(key, ".totals");
+    const std::string file = path(key, totals_ending);
     std::error_code ignored;
     if (!fs::is_regular_file(file, ignored)) return std::nullopt;
     std::ifstream in(file, std::ios::binary | std::ios::ate);
@@ -263,7 +272,41 @@ std::optional<std::vector<double>> Cache::find_totals(const std::string& key) co
         ::unlink(file.c_str());
         return std::nullopt;
     }
+    mark_used(file);
     return totals;
+}
+
+void trim_cache(const std::string& folder, std::size_t bytes)
+{
+    struct Entry {
+        fs::file_time_type used;
+        std::uintmax_t size;
+        fs::path path;
+    };
+    std::vector<Entry> entries;
+    std::uintmax_t total = 0;
+    std::error_code status;
+    // Nobody writes a single entry for a day.
+    const auto abandoned = fs::file_time_type::clock::now() - std::chrono::hours(24);
+    for (fs::directory_iterator it(folder, status), end; !status && it != end;
+         it.increment(status)) {
+        std::error_code gone; // another process may be removing, too
+        const Entry entry{it->last_write_time(gone), it->file_size(gone), it->path()};
+        if (gone) continue;
+        const std::string ending = entry.path.extension().string();
+        if (entry.path.filename().string().find(temporary_ending) != std::string::npos) {
+            if (entry.used < abandoned) fs::remove(entry.path, gone);
+        } else if (ending == image_ending || ending == totals_ending) {
+            total += entry.size;
+            entries.push_back(entry);
+        }
+    }
+    std::ranges::sort(entries, {}, &Entry::used);
+    for (const Entry& entry : entries) {
+        if (total <= bytes) break;
+        fs::remove(entry.path, status);
+        total -= entry.size;
+    }
 }
 
 void apply_cache(Plan& plan, const std::string& folder)

@@ -61,6 +61,15 @@ private:
     std::string m_folder;
 };
 
+/// How much a cache may hold unless the user says otherwise.
+constexpr std::size_t usual_cache_bytes = 20'000'000'000;
+
+/// Removes the entries that were unused for longest until the others take no more than `bytes`, and
+/// what stopped runs left half written. Processes that share the folder notice nothing but that an
+/// entry is absent; one they have begun to read stays until they are done. Never throws: what
+/// cannot be removed stays.
+void trim_cache(const std::string& folder, std::size_t bytes);
+
 /// Replaces items whose results are in the cache. Called by make_plan().
 void apply_cache(Plan& plan, const std::string& folder);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/engine/planner.h"
 
+#include "rayloom/core/text.h"
 #include "rayloom/engine/engine_nodes.h"
 
 #include <algorithm>
@@ -112,7 +113,10 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     // The op's key: what it is, and what comes in.
     std::string key =
         request.name + "\n" + std::to_string(request.info ? request.info->version : 1) + "\n";
-    for (const auto& [name, value] : request.params) key += name + "=" + format_param(value) + "\n";
+    // In quotes, so that a list of two texts and one text with a comma in it are two keys.
+    const auto number = [](double v) { return format_param(v); };
+    for (const auto& [name, value] : request.params)
+        key += name + "=" + format_param(value, number, json_quote) + "\n";
     key += request.node->content_key(!m_options.cache_folder.empty()) + "\n";
     for (const auto& [port, value] : request.arguments) {
         key += port + ":";

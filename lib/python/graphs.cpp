@@ -3,6 +3,7 @@
 
 #include "rayloom/core/error.h"
 #include "rayloom/core/text.h"
+#include "rayloom/engine/cache.h"
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 #include "rayloom/image/frames.h"
@@ -154,10 +155,18 @@ RunReport run_interruptible(const Graph& graph, const RunRequest& request, RunOp
     return running.get();
 }
 
+/// '2G' or a number of bytes.
+std::size_t to_bytes(const py::object& size)
+{
+    if (py::isinstance<py::str>(size)) return parse_bytes(py::cast<std::string>(size));
+    return py::cast<std::size_t>(size);
+}
+
 Result run(const GraphObject& self, const py::dict& inputs, const py::object& outputs,
            const py::object& roi, std::optional<int> frame, int threads, const py::object& memory,
-           int tile, const py::object& cache, bool skip, const std::string& type,
-           const std::string& compression, const py::object& progress, const py::kwargs& params)
+           int tile, const py::object& cache, const py::object& cache_size, bool skip,
+           const std::string& type, const std::string& compression, const py::object& progress,
+           const py::kwargs& params)
 {
     GraphObject with = self;
     for (const auto& [name, value] : params) with.set(py::cast<std::string>(name), value);
@@ -175,12 +184,11 @@ Result run(const GraphObject& self, const py::dict& inputs, const py::object& ou
     options.tile = tile;
     options.skip = skip;
     if (!cache.is_none()) options.cache_folder = to_path(cache, "cache");
-    if (py::isinstance<py::str>(memory))
-        options.memory = parse_bytes(py::cast<std::string>(memory));
-    else if (!memory.is_none())
-        options.memory = py::cast<std::size_t>(memory);
+    if (!memory.is_none()) options.memory = to_bytes(memory);
+    const std::size_t cache_bytes = cache_size.is_none() ? usual_cache_bytes : to_bytes(cache_size);
 
     RunReport report = run_interruptible(with.graph, request, options, progress);
+    if (!options.cache_folder.empty()) trim_cache(options.cache_folder, cache_bytes);
     Result result;
     result.seconds = report.seconds;
     result.written = report.written;
@@ -270,6 +278,8 @@ roi       (x, y, width, height): compute only these pixels
 threads   0: as many as this process may use
 memory    budget for pixels, e.g. '2G'
 cache     folder that keeps results; only what changed runs again
+cache_size
+          what the folder may hold, e.g. '500M'; None: 20 GB. What was unused for longest goes
 progress  called with the share of the work done, 0 to 1
 Further keywords are parameters of the graph, for this run. Ctrl-C stops it.)";
 
@@ -320,8 +330,8 @@ void add_graphs(py::module_& module)
         .def("run", &run, py::arg("inputs"), py::arg("outputs") = py::none(), py::kw_only(),
              py::arg("roi") = py::none(), py::arg("frame") = py::none(), py::arg("threads") = 0,
              py::arg("memory") = py::none(), py::arg("tile") = 0, py::arg("cache") = py::none(),
-             py::arg("skip") = true, py::arg("type") = "", py::arg("compression") = "",
-             py::arg("progress") = py::none(), run_doc)
+             py::arg("cache_size") = py::none(), py::arg("skip") = true, py::arg("type") = "",
+             py::arg("compression") = "", py::arg("progress") = py::none(), run_doc)
         .def("__repr__",
              [](const GraphObject& g) { return "<rayloom.Graph '" + g.graph.name + "'>"; });
 }
