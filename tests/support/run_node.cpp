@@ -130,15 +130,19 @@ NodeRun run_node(std::string_view op, const ParamValues& params,
     Services services(run, options.may_skip);
     if (run.plan.reduction) {
         const Region& domain = run.plan.reduction->domain;
+        const int step = run.plan.reduction->block_rows;
         std::vector<double> totals(run.plan.reduction->values, 0.0);
-        for (int y = domain.y0; y < domain.y1; ++y) {
-            const Region row{domain.x0, y, domain.x1, y + 1};
-            const CallInputs call = gather(inputs, run.plan.reduce_needs, row, 0, true);
+        for (int y = domain.y0; y < domain.y1; y += step) {
+            const Region rows{domain.x0, y, domain.x1, std::min(y + step, domain.y1)};
+            const CallInputs call = gather(inputs, run.plan.reduce_needs, rows, 0, true);
             std::vector<double> sums(totals.size(), 0.0);
-            node->reduce(TileContext(row, 0, call.inputs, {}, services), sums);
-            node->combine(totals, sums);
+            node->reduce(TileContext(rows, 0, call.inputs, {}, services), sums);
+            if (y == domain.y0)
+                totals = std::move(sums);
+            else
+                node->combine(totals, sums);
         }
-        node->finish(totals, {});
+        run.tables = node->finish(totals, {});
     }
 
     const auto wanted = [&](const std::string& port) {

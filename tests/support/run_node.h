@@ -44,6 +44,7 @@ struct NodeInput {
 struct NodeRun {
     PlanResult plan;
     std::map<std::string, std::vector<TestImage>, std::less<>> outputs;
+    std::map<std::string, Table, std::less<>> tables; ///< what finish() gave
     std::map<std::string, std::size_t, std::less<>> skipped, counted;
 
     const TestImage& image(std::string_view port = "image", std::size_t element = 0) const;
