@@ -74,6 +74,10 @@ elseif(STEP STREQUAL broken_plugin)
   file(WRITE ${WORK}/broken/libbroken.so "not a library")
   run(COMMAND ${WORK}/consumer/consumer ${WORK}/broken ERRORS err EXIT 3)
   expect("${err}" "plug-in '${WORK}/broken/libbroken.so'")
+  # A folder above the one that was meant.
+  file(MAKE_DIRECTORY ${WORK}/above/build)
+  run(COMMAND ${WORK}/consumer/consumer ${WORK}/above ERRORS err EXIT 3)
+  expect("${err}" "plug-in folder '${WORK}/above' holds no plug-in")
 
 elseif(STEP STREQUAL clashing_plugin)
   # The same node from two files: the second is refused by name, the process lives on.

@@ -29,8 +29,15 @@ std::vector<std::filesystem::path> graph_folders()
         const std::string text = list;
         for (std::size_t start = 0; start <= text.size();) {
             const std::size_t end = std::min(text.find(':', start), text.size());
-            if (end > start) folders.emplace_back(text.substr(start, end - start));
+            const std::filesystem::path folder = text.substr(start, end - start);
             start = end + 1;
+            if (folder.empty()) continue;
+            // A map that is not found would silently leave its renderer's files to the generic one.
+            std::error_code error;
+            if (!std::filesystem::is_directory(folder, error))
+                throw InputError("folder '" + folder.string() +
+                                 "' of RAYLOOM_GRAPH_PATH: there is no such folder");
+            folders.push_back(folder);
         }
     }
     folders.push_back(data_folder() / "graphs");

@@ -15,7 +15,8 @@ namespace rayloom
 std::filesystem::path data_folder();
 
 /// Where graphs are looked for by name, and renderer maps in the folder renderers/ below: the
-/// folders of $RAYLOOM_GRAPH_PATH (separated by ':'), then graphs/ of the data folder.
+/// folders of $RAYLOOM_GRAPH_PATH (separated by ':'), then graphs/ of the data folder. Throws
+/// InputError when one of the former is not there.
 std::vector<std::filesystem::path> graph_folders();
 
 } // namespace rayloom

@@ -276,12 +276,13 @@ public:
     virtual ~Node() = default;
     virtual void plan(PlanContext& context) = 0;
     /// Fills context.region(). Same inputs and parameters, same bits, whatever the region's size,
-    /// the thread or the SIMD target.
+    /// the thread or the SIMD target. Empty in a node whose outputs are all tables.
     virtual void compute(const TileContext& context) const = 0;
 
     /// Adds what one row (or block of rows) of the domain contributes to `sums` (zeros on entry).
     virtual void reduce(const TileContext& rows, std::span<double> sums) const;
-    /// Combines partial results, in a fixed tree order over rows. Adds by default.
+    /// Combines partial results, in a fixed tree order over rows. Both are what reduce() made of
+    /// some rows, never untouched zeros: a minimum may be kept as it is. Adds by default.
     virtual void combine(std::span<double> into, std::span<const double> other) const;
     /// Sees the totals, before any compute(); returns the tables of its table outputs by port.
     virtual std::map<std::string, Table, std::less<>>

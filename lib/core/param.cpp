@@ -15,7 +15,7 @@ namespace rayloom
 namespace
 {
 
-constexpr std::array<std::pair<ParamType, const char*>, 7> type_names{{
+constexpr std::array<std::pair<ParamType, const char*>, 9> type_names{{
     {ParamType::boolean, "bool"},
     {ParamType::integer, "int"},
     {ParamType::real, "float"},
@@ -23,6 +23,8 @@ constexpr std::array<std::pair<ParamType, const char*>, 7> type_names{{
     {ParamType::choice, "choice"},
     {ParamType::reals, "floats"},
     {ParamType::texts, "strings"},
+    {ParamType::path, "path"},
+    {ParamType::paths, "paths"},
 }};
 
 std::string short_number(double v)
@@ -82,12 +84,32 @@ const char* param_type_name(ParamType type)
     return "?";
 }
 
+std::vector<std::string> param_type_names()
+{
+    std::vector<std::string> names;
+    for (const auto& [type, name] : type_names) names.emplace_back(name);
+    return names;
+}
+
 std::optional<ParamType> param_type_from_name(const std::string& name)
 {
     for (const auto& [type, n] : type_names)
         if (name == n) return type;
     return std::nullopt;
 }
+
+bool is_list(ParamType type)
+{
+    return type == ParamType::reals || type == ParamType::texts || type == ParamType::paths;
+}
+
+bool is_textual(ParamType type)
+{
+    return type == ParamType::text || type == ParamType::choice || type == ParamType::texts ||
+           is_path(type);
+}
+
+bool is_path(ParamType type) { return type == ParamType::path || type == ParamType::paths; }
 
 ParamValue check_param(const ParamInfo& info, const ParamValue& value)
 {
@@ -113,6 +135,7 @@ ParamValue check_param(const ParamInfo& info, const ParamValue& value)
         return v;
     }
     case ParamType::text:
+    case ParamType::path:
         if (std::holds_alternative<std::string>(value)) return value;
         wrong_type(info, value);
     case ParamType::choice: {
@@ -136,7 +159,8 @@ ParamValue check_param(const ParamInfo& info, const ParamValue& value)
         for (const double v : list) check_range(info, v);
         return list;
     }
-    case ParamType::texts: {
+    case ParamType::texts:
+    case ParamType::paths: {
         if (const auto* s = std::get_if<std::string>(&value)) return std::vector<std::string>{*s};
         if (std::holds_alternative<std::vector<std::string>>(value)) return value;
         if (const auto* l = std::get_if<std::vector<double>>(&value); l && l->empty())
@@ -199,39 +223,37 @@ ParamValue parse_param(const ParamInfo& info, const std::string& text)
         return check_param(info, list);
     }
     case ParamType::texts:
+    case ParamType::paths:
         return check_param(info, text.empty() ? std::vector<std::string>{} : split_list(text));
     case ParamType::text:
-    case ParamType::choice: return check_param(info, text);
+    case ParamType::choice:
+    case ParamType::path: return check_param(info, text);
     }
     return check_param(info, text);
 }
 
 std::string format_param(const ParamValue& value)
 {
-    return std::visit(
-        [](const auto& v) -> std::string {
-            using T = std::decay_t<decltype(v)>;
-            if constexpr (std::is_same_v<T, bool>) {
-                return v ? "true" : "false";
-            } else if constexpr (std::is_same_v<T, std::int64_t>) {
-                return std::to_string(v);
-            } else if constexpr (std::is_same_v<T, double>) {
-                return short_number(v);
-            } else if constexpr (std::is_same_v<T, std::string>) {
-                return v.empty() ? "''" : v;
-            } else {
-                std::string out = "[";
-                for (const auto& item : v) {
-                    if (out.size() > 1) out += ", ";
-                    if constexpr (std::is_same_v<T, std::vector<double>>)
-                        out += short_number(item);
-                    else
-                        out += item;
-                }
-                return out + "]";
-            }
-        },
-        value);
+    return format_param(value, short_number, [](std::string_view text) {
+        return text.empty() ? std::string("''") : std::string(text);
+    });
+}
+
+std::string format_param(const ParamValue& value, std::string (*number)(double),
+                         std::string (*text)(std::string_view))
+{
+    const auto list = [](const auto& items, const auto& write) {
+        std::string out = "[";
+        for (const auto& item : items) out += (out.size() > 1 ? ", " : "") + write(item);
+        return out + "]";
+    };
+    if (const auto* truth = std::get_if<bool>(&value)) return *truth ? "true" : "false";
+    if (const auto* whole = std::get_if<std::int64_t>(&value)) return std::to_string(*whole);
+    if (const auto* real = std::get_if<double>(&value)) return number(*real);
+    if (const auto* words = std::get_if<std::string>(&value)) return text(*words);
+    if (const auto* numbers = std::get_if<std::vector<double>>(&value))
+        return list(*numbers, number);
+    return list(std::get<std::vector<std::string>>(value), text);
 }
 
 } // namespace rayloom

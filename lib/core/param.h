@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -25,11 +26,22 @@ enum class ParamType {
     choice, ///< text out of ParamInfo::choices
     reals,  ///< list of numbers; a single number is a list of one
     texts,  ///< list of texts; a single text is a list of one
+    path,   ///< text that names a file; in a graph file relative to that file
+    paths,  ///< list of paths; a single path is a list of one
 };
 
-/// Name of a type as graph files spell it: bool, int, float, string, choice, floats, strings.
+/// Name of a type as graph files spell it: bool, int, float, string, choice, floats, strings, path,
+/// paths.
 const char* param_type_name(ParamType type);
+/// All of those names.
+std::vector<std::string> param_type_names();
 std::optional<ParamType> param_type_from_name(const std::string& name);
+/// Whether values are lists: floats, strings, paths.
+bool is_list(ParamType type);
+/// Whether values are text or lists of text: string, choice, path, strings, paths.
+bool is_textual(ParamType type);
+/// Whether values name files: path, paths.
+bool is_path(ParamType type);
 
 /// Declaration of one parameter.
 struct ParamInfo {
@@ -54,5 +66,8 @@ ParamValue parse_param(const ParamInfo& info, const std::string& text);
 
 /// The value as a graph file would write it.
 std::string format_param(const ParamValue& value);
+/// The same with other words for numbers and texts (JSON's).
+std::string format_param(const ParamValue& value, std::string (*number)(double),
+                         std::string (*text)(std::string_view));
 
 } // namespace rayloom

@@ -82,6 +82,9 @@ void Registry::load_plugins(const std::string& folders)
             if (entry.path().extension() == ".so") files.push_back(entry.path());
         if (status)
             throw InputError("plug-in folder '" + folder.string() + "': " + status.message());
+        if (files.empty())
+            throw InputError("plug-in folder '" + folder.string() +
+                             "' holds no plug-in (*.so; folders below it are not looked into)");
         std::sort(files.begin(), files.end());
         for (const fs::path& file : files) {
             m_origin = file.string();

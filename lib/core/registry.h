@@ -112,6 +112,13 @@ public:
         m_info->required = true;
         return *this;
     }
+    /// A text parameter names a file, or a list of texts several: where a graph file says which,
+    /// the node sees the path from the graph file's folder. An empty path stays empty.
+    ParamBuilder& path()
+    {
+        m_info->type = m_info->type == ParamType::texts ? ParamType::paths : ParamType::path;
+        return *this;
+    }
     /// Allowed texts of a text parameter.
     ParamBuilder& choices(std::vector<std::string> c)
     {
@@ -127,7 +134,10 @@ private:
 namespace detail
 {
 template <class T>
-struct ParamTraits;
+struct ParamTraits {
+    static_assert(sizeof(T) == 0, "a parameter is bool, int, float, double, std::string, or a "
+                                  "std::vector of float, double or std::string");
+};
 template <>
 struct ParamTraits<bool> {
     static constexpr ParamType type = ParamType::boolean;

@@ -135,9 +135,7 @@ ParamValues Planner::node_params(const Scope& scope, const GraphNode& node,
             } else {
                 value = item_value(scope, argument.items.front());
             }
-            const bool wants_list =
-                info->type == ParamType::reals || info->type == ParamType::texts;
-            if (!wants_list) {
+            if (!is_list(info->type)) {
                 const std::optional<ParamValue> element =
                     element_of(value, mapped_index.value_or(0));
                 if (element && !mapped_index && argument.items.size() > 1)

@@ -309,9 +309,11 @@ Type type_of(const ParamInfo& info)
     case ParamType::integer:
     case ParamType::real: return Type::number;
     case ParamType::text:
-    case ParamType::choice: return Type::text;
+    case ParamType::choice:
+    case ParamType::path: return Type::text;
     case ParamType::reals:
-    case ParamType::texts: return Type::list;
+    case ParamType::texts:
+    case ParamType::paths: return Type::list;
     }
     return Type::unknown;
 }
@@ -385,7 +387,8 @@ private:
             check_choice(e);
     }
 
-    /// A text a choice can never be is a slip: the condition would silently never hold.
+    /// A text a choice can never be, or a path that depends on where the graph lies, is a slip: the
+    /// condition would silently never hold.
     void check_choice(const Expression& e)
     {
         for (int i = 0; i < 2; ++i) {
@@ -395,6 +398,9 @@ private:
                 continue;
             const ParamInfo& info = m_graph.param(param.name)->info;
             const std::string& text = std::get<std::string>(literal.literal);
+            if (is_path(info.type) && !text.empty())
+                m_problems.push_back(
+                    {literal.where, "the path '$" + info.name + "' can only be compared with ''"});
             if (info.type == ParamType::choice &&
                 std::find(info.choices.begin(), info.choices.end(), text) == info.choices.end())
                 m_problems.push_back({literal.where, "parameter '" + info.name + "' cannot be '" +

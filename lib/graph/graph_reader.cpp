@@ -49,8 +49,11 @@ bool GraphReader::unknown_key(const Entry& entry, const std::vector<std::string>
                               const std::string& what)
 {
     if (std::find(known.begin(), known.end(), entry.key) != known.end()) return false;
-    problem(entry.where,
-            what + "'" + entry.key + "' is not a key here" + suggestion(entry.key, known));
+    std::string message = what + "'" + entry.key + "' is not a key here";
+    message += suggestion(entry.key, known);
+    // `{doc: noisy, linear}`: what stands behind the comma is read as one more key.
+    if (entry.value->is_null()) message += "; a text with a comma in it needs quotes";
+    problem(entry.where, message);
     return true;
 }
 

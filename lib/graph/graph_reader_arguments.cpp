@@ -39,16 +39,16 @@ std::string unknown_argument(const NodeInfo& info, const std::string& key)
 bool fits(const ParamInfo& from, const ParamInfo& to)
 {
     using enum ParamType;
-    const auto number = [](ParamType t) { return t == integer || t == real; };
-    const auto textual = [](ParamType t) { return t == text || t == choice; };
     switch (to.type) {
     case boolean: return from.type == boolean;
     case integer: return from.type == integer;
-    case real: return number(from.type) || from.type == reals;
-    case text: return textual(from.type) || from.type == texts;
-    case choice: return textual(from.type) || from.type == texts;
-    case reals: return number(from.type) || from.type == reals;
-    case texts: return textual(from.type) || from.type == texts;
+    case real:
+    case reals: return from.type == integer || from.type == real || from.type == reals;
+    case text:
+    case choice:
+    case texts: return is_textual(from.type);
+    case path:
+    case paths: return is_path(from.type);
     }
     return false;
 }
@@ -56,7 +56,7 @@ bool fits(const ParamInfo& from, const ParamInfo& to)
 /// A list for a parameter of one value is one value per element of the list it is mapped over.
 void check_list_or_value(const ParamInfo& info, const ParamValue& value)
 {
-    const bool list = info.type == ParamType::reals || info.type == ParamType::texts;
+    const bool list = is_list(info.type);
     if (const auto* numbers = std::get_if<std::vector<double>>(&value); numbers && !list)
         for (const double number : *numbers) check_param(info, number);
     else if (const auto* texts = std::get_if<std::vector<std::string>>(&value); texts && !list)
@@ -117,8 +117,7 @@ void GraphReader::read_items(const GraphNode& node, const ParamInfo& info, Argum
         problem(argument.where, what + "parameter '" + info.name + "' is given no value");
     } else if (value.is_sequence()) {
         argument.items_are_list = true;
-        const bool list = info.type == ParamType::reals || info.type == ParamType::texts;
-        if (value.items.empty() && !list)
+        if (value.items.empty() && !is_list(info.type))
             problem(value.where, what + "parameter '" + info.name + "' is given an empty list");
         for (const auto& item : value.items) read_item(info, argument, *item, what);
     } else {
@@ -174,8 +173,7 @@ void GraphReader::check_param_reference(const ParamInfo& info, const std::string
     m_used_params.insert(name);
     if (m_broken_params.contains(name)) return;
     const ParamInfo& from = param->info;
-    const bool from_list = from.type == ParamType::reals || from.type == ParamType::texts;
-    if (in_list && from_list) {
+    if (in_list && is_list(from.type)) {
         problem(value.where, what + "parameter '" + info.name + "' holds '$" + name +
                                  "', a list, within a list");
         return;
@@ -183,7 +181,11 @@ void GraphReader::check_param_reference(const ParamInfo& info, const std::string
     if (!fits(from, info)) {
         problem(value.where, what + "parameter '" + info.name + "' is of type " +
                                  param_type_name(info.type) + ", '$" + name + "' of type " +
-                                 param_type_name(from.type));
+                                 param_type_name(from.type) +
+                                 (is_path(info.type) && is_textual(from.type)
+                                      ? std::string("; declare '") + name +
+                                            "' with 'type: " + param_type_name(info.type) + "'"
+                                      : ""));
         return;
     }
     for (const std::string& choice : from.choices)

@@ -91,9 +91,18 @@ std::shared_ptr<const Graph> GraphReader::find_graph_node(const GraphNode& node)
         problem(node.op_where, label(node) + "'graph:' wants a file: 'graph:other.yaml'");
         return nullptr;
     }
-    const fs::path path = path_from(m_graph.folder, given);
-    const std::string shown = path.lexically_normal().string();
+    const std::optional<std::string> found = locate_graph(given, m_graph.folder);
+    const fs::path path = found.value_or(path_from(m_graph.folder, given));
     std::error_code error;
+    if (!found && !fs::is_directory(path, error)) {
+        const std::string near = closest_name(fs::path(given).stem().string(), graph_names());
+        problem(node.op_where, label(node) + "there is no graph '" + given +
+                                   "', neither beside this one nor by name" +
+                                   (near.empty() ? "; 'rayloom graphs' lists the names"
+                                                 : "; did you mean '" + near + "'?"));
+        return nullptr;
+    }
+    const std::string shown = path.lexically_normal().string();
     fs::path canonical = fs::weakly_canonical(path, error);
     if (error) canonical = fs::absolute(path, error);
     const auto open = std::find_if(m_state.open.begin(), m_state.open.end(), [&](const auto& file) {

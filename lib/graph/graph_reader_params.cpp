@@ -12,8 +12,6 @@ namespace rayloom::reading
 namespace
 {
 
-const std::vector<std::string> param_types{"bool",   "int",    "float",  "string",
-                                           "choice", "floats", "strings"};
 const std::vector<std::string> param_keys{"type",    "default", "min", "max",
                                           "choices", "unit",    "doc", "source"};
 
@@ -24,10 +22,12 @@ ParamValue neutral(const ParamInfo& info)
     case ParamType::boolean: return false;
     case ParamType::integer: return std::int64_t{0};
     case ParamType::real: return 0.0;
-    case ParamType::text: return std::string();
+    case ParamType::text:
+    case ParamType::path: return std::string();
     case ParamType::choice: return info.choices.front();
     case ParamType::reals: return std::vector<double>();
-    case ParamType::texts: return std::vector<std::string>();
+    case ParamType::texts:
+    case ParamType::paths: return std::vector<std::string>();
     }
     return 0.0;
 }
@@ -35,9 +35,18 @@ ParamValue neutral(const ParamInfo& info)
 /// A scalar as the parameter's type wants it: text parameters keep it as written.
 ParamValue scalar(const ParamInfo& info, const Value& value)
 {
-    const bool textual = info.type == ParamType::text || info.type == ParamType::choice ||
-                         info.type == ParamType::texts;
-    return value.quoted || textual ? ParamValue(value.text) : plain_scalar(value.text);
+    return value.quoted || is_textual(info.type) ? ParamValue(value.text)
+                                                 : plain_scalar(value.text);
+}
+
+/// Paths as the process takes them; any other value as it is.
+ParamValue from_folder(const ParamInfo& info, ParamValue value, const std::string& folder)
+{
+    if (!is_path(info.type)) return value;
+    if (auto* path = std::get_if<std::string>(&value)) *path = path_from(folder, *path);
+    if (auto* paths = std::get_if<std::vector<std::string>>(&value))
+        for (std::string& path : *paths) path = path_from(folder, path);
+    return value;
 }
 
 } // namespace
@@ -71,8 +80,8 @@ bool GraphReader::read_param_mapping(ParamInfo& info, const Value& value, const 
         const auto text = text_of(*entry, what);
         const auto type = text ? param_type_from_name(*text) : std::nullopt;
         if (text && !type)
-            problem(entry->value->where,
-                    what + "type '" + *text + "' is not known" + suggestion(*text, param_types));
+            problem(entry->value->where, what + "type '" + *text + "' is not known" +
+                                             suggestion(*text, param_type_names()));
         if (!type) return false;
         info.type = *type;
         typed = true;
@@ -204,7 +213,10 @@ std::optional<ParamValue> GraphReader::literal(const ParamInfo& info, const Valu
                                                std::string& reason) const
 {
     try {
-        if (value.is_scalar()) return check_param(info, scalar(info, value));
+        const auto checked = [&](const ParamValue& v) {
+            return from_folder(info, check_param(info, v), m_graph.folder);
+        };
+        if (value.is_scalar()) return checked(scalar(info, value));
         if (!value.is_sequence()) {
             reason = "parameter '" + info.name + "' wants a value of type " +
                      param_type_name(info.type) + ", this is " + value.describe();
@@ -230,8 +242,8 @@ std::optional<ParamValue> GraphReader::literal(const ParamInfo& info, const Valu
                      "' is none";
             return std::nullopt;
         }
-        if (info.type == ParamType::texts) return check_param(info, texts);
-        return check_param(info, numbers);
+        if (texts.empty()) return checked(numbers);
+        return checked(texts);
     } catch (const NodeError& error) {
         reason = error.what();
         if (info.type == ParamType::boolean) reason += "; write true or false";

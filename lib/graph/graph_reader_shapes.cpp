@@ -107,13 +107,12 @@ void GraphReader::check_lone_items(const GraphNode& node, const NodeInfo& info)
     for (const Argument& argument : node.arguments) {
         if (argument.is_port) continue;
         const ParamInfo& param = *info.param(argument.key);
-        if (param.type == ParamType::reals || param.type == ParamType::texts) continue;
+        if (is_list(param.type)) continue;
         bool list = argument.items_are_list;
         for (const auto& item : argument.items)
             if (const auto* reference = std::get_if<ParamReference>(&item))
                 if (const GraphParam* from = m_graph.param(reference->name))
-                    list = list || from->info.type == ParamType::reals ||
-                           from->info.type == ParamType::texts;
+                    list = list || is_list(from->info.type);
         if (list && !argument.items.empty())
             problem(argument.value_where,
                     label(node) + "parameter '" + param.name +

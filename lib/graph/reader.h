@@ -6,6 +6,7 @@
 #include "rayloom/core/registry.h"
 #include "rayloom/graph/model.h"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,8 +28,12 @@ Graph parse_graph(const std::string& text, const std::string& name,
 /// before planning are declared as images.
 NodeInfo graph_signature(const Graph& graph);
 
-/// Finds a graph by path, or by name in the folders of $RAYLOOM_GRAPH_PATH, and in the installed
-/// and source graphs/ folder. Throws InputError that lists the places searched.
+/// Where a graph lies: at the path, relative ones from `folder`, or by name in the folders of
+/// $RAYLOOM_GRAPH_PATH and among those that come with rayloom. Nothing when it is in none of them.
+std::optional<std::string> locate_graph(const std::string& name_or_path,
+                                        const std::string& folder = ".");
+
+/// The same from where the process runs. Throws InputError that lists the places searched.
 std::string find_graph(const std::string& name_or_path);
 
 /// Names of the graphs find_graph() finds by name, sorted.

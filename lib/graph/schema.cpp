@@ -63,26 +63,7 @@ std::string with_doc(Members members, const std::string& doc)
 
 std::string json_value(const ParamValue& value)
 {
-    return std::visit(
-        [](const auto& v) -> std::string {
-            using T = std::decay_t<decltype(v)>;
-            if constexpr (std::is_same_v<T, bool>) {
-                return v ? "true" : "false";
-            } else if constexpr (std::is_same_v<T, std::int64_t>) {
-                return std::to_string(v);
-            } else if constexpr (std::is_same_v<T, double>) {
-                return json_number(v);
-            } else if constexpr (std::is_same_v<T, std::string>) {
-                return json_quote(v);
-            } else if constexpr (std::is_same_v<T, std::vector<double>>) {
-                std::vector<std::string> items;
-                for (const double number : v) items.push_back(json_number(number));
-                return array(items);
-            } else {
-                return quoted_array(v);
-            }
-        },
-        value);
+    return format_param(value, json_number, json_quote);
 }
 
 /// Whether a limit says more than that an int is 32 bits wide.
@@ -104,7 +85,9 @@ std::string value_schema(const ParamInfo& info)
     case ParamType::reals: members = {{"type", json_quote("number")}}; break;
     // Text is kept as written, so what looks like a number is text too.
     case ParamType::text:
-    case ParamType::texts: return definition("text");
+    case ParamType::path:
+    case ParamType::texts:
+    case ParamType::paths: return definition("text");
     case ParamType::choice: {
         // A choice such as 2 is a text to the graph and a number to a YAML reader.
         std::vector<std::string> items;
@@ -128,9 +111,8 @@ std::string value_schema(const ParamInfo& info)
 std::string param_schema(const ParamInfo& info)
 {
     const std::string one = array({value_schema(info), definition("parameter")});
-    const bool list = info.type == ParamType::reals || info.type == ParamType::texts;
     Members items{{"type", json_quote("array")}, {"items", object({{"anyOf", one}})}};
-    if (!list) items.emplace_back("minItems", "1");
+    if (!is_list(info.type)) items.emplace_back("minItems", "1");
     std::string doc = info.doc;
     if (!info.unit.empty() && info.unit != "1")
         doc += (doc.empty() ? "In " : " In ") + info.unit + ".";
@@ -187,8 +169,7 @@ std::string graph_param_schema()
         object({{"type", json_quote("array")}, {"items", object({{"type", literal}})}});
     const std::string any = object({{"anyOf", array({object({{"type", literal}}), list})}});
     const Members properties{
-        {"type", object({{"enum", quoted_array({"bool", "int", "float", "string", "choice",
-                                                "floats", "strings"})}})},
+        {"type", object({{"enum", quoted_array(param_type_names())}})},
         {"default", any},
         {"min", number},
         {"max", number},

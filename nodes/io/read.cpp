@@ -39,7 +39,9 @@ outputs:
   image: beauty
 )");
         d.output("image", "pixels of the selected channels");
-        d.param("path", &Params::path, "image file; any format OpenImageIO reads").required();
+        d.param("path", &Params::path, "image file; any format OpenImageIO reads")
+            .path()
+            .required();
         declare_layer_params(d);
     }
 

@@ -33,7 +33,7 @@ outputs:
   histogram: histogram
 )");
         d.output("deep", "deep samples of the selected channels").deep();
-        d.param("path", &Params::path, "deep image file, scanline or tiled EXR").required();
+        d.param("path", &Params::path, "deep image file, scanline or tiled EXR").path().required();
         declare_layer_params(d);
     }
 

@@ -40,7 +40,7 @@ outputs:
   images: renders
 )");
         d.output("stack", "one image per file, in the order of the list").list();
-        d.param("paths", &Params::paths, "image files").required();
+        d.param("paths", &Params::paths, "image files").path().required();
         declare_layer_params(d);
     }
 

@@ -46,7 +46,9 @@ outputs:
   image: image
 )");
         d.input("image", "the pixels to write");
-        d.param("path", &Params::path, "file to write; its ending says the format").required();
+        d.param("path", &Params::path, "file to write; its ending says the format")
+            .path()
+            .required();
         d.param("layer", &Params::layer,
                 "layer to write under; with a template, the layer to replace or to add (empty: its "
                 "beauty)");
@@ -55,7 +57,8 @@ outputs:
         d.param("compression", &Params::compression,
                 "compression as OpenImageIO names it (zip, dwaa:45, none); empty: as the source");
         d.param("template", &Params::pass_through,
-                "EXR whose other layers, parts and metadata are written too, bit for bit");
+                "EXR whose other layers, parts and metadata are written too, bit for bit")
+            .path();
     }
 
     explicit WriteImage(const Params& p) : m(p) {}

@@ -227,7 +227,7 @@ Compute plan_fixnan(PlanContext& context, const Arguments& arguments)
 
 ParamInfo config_param(bool needed)
 {
-    return text_param("config", "",
+    return path_param("config",
                       needed ? "path of the OpenColorIO configuration"
                              : "path of the OpenColorIO configuration; empty: OpenImageIO's own "
                                "spaces linear, sRGB and Rec709 ($OCIO is never read)");

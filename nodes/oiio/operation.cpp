@@ -137,6 +137,10 @@ ParamInfo text_param(std::string name, std::string value, std::string doc)
 {
     return param_of(std::move(name), ParamType::text, std::move(value), std::move(doc));
 }
+ParamInfo path_param(std::string name, std::string doc)
+{
+    return param_of(std::move(name), ParamType::path, std::string(), std::move(doc));
+}
 ParamInfo texts_param(std::string name, std::vector<std::string> value, std::string doc)
 {
     return param_of(std::move(name), ParamType::texts, std::move(value), std::move(doc));

@@ -80,6 +80,8 @@ ParamInfo integer_param(std::string name, int value, int lo, int hi, std::string
 ParamInfo real_param(std::string name, double value, std::string unit, std::string doc);
 ParamInfo reals_param(std::string name, std::vector<double> value, std::string doc);
 ParamInfo text_param(std::string name, std::string value, std::string doc);
+/// A path that is empty unless the graph gives one.
+ParamInfo path_param(std::string name, std::string doc);
 ParamInfo texts_param(std::string name, std::vector<std::string> value, std::string doc);
 ParamInfo choice_param(std::string name, std::string value, std::vector<std::string> choices,
                        std::string doc);

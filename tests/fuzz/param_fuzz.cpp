@@ -20,7 +20,7 @@ void read_as(rayloom::ParamType type, const std::string& text)
     }
     const rayloom::ParamValue value = rayloom::parse_param(info, text);
     // Numbers come back; texts may hold what a command line would split.
-    if (type == rayloom::ParamType::text || type == rayloom::ParamType::texts) return;
+    if (rayloom::is_textual(type) && type != rayloom::ParamType::choice) return;
     if (!(rayloom::parse_param(info, rayloom::format_param(value)) == value)) std::abort();
 }
 
@@ -29,7 +29,7 @@ void read_as(rayloom::ParamType type, const std::string& text)
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size)
 {
     if (size == 0) return 0;
-    const auto type = static_cast<rayloom::ParamType>(data[0] % 7);
+    const auto type = static_cast<rayloom::ParamType>(data[0] % rayloom::param_type_names().size());
     const std::string text(reinterpret_cast<const char*>(data) + 1, size - 1);
     rayloom::fuzz::answer([&] { read_as(type, text); });
     return 0;

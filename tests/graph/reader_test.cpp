@@ -3,6 +3,7 @@
 
 #include "tests/support/folders.h"
 #include "tests/support/graph_nodes.h"
+#include "tests/support/temporary_folder.h"
 
 #include <gtest/gtest.h>
 
@@ -336,7 +337,7 @@ TEST_F(Reader, FindsGraphsByPathAndByName)
 {
     const std::string path = (graphs_folder / "good" / "inner.yaml").string();
     EXPECT_EQ(find_graph(path), path);
-    ::setenv("RAYLOOM_GRAPH_PATH", ("/nowhere:" + (graphs_folder / "good").string()).c_str(), 1);
+    ::setenv("RAYLOOM_GRAPH_PATH", (graphs_folder / "good").c_str(), 1);
     EXPECT_EQ(find_graph("inner"), path);
     EXPECT_EQ(find_graph("inner.yaml"), path);
     try {
@@ -345,12 +346,97 @@ TEST_F(Reader, FindsGraphsByPathAndByName)
     } catch (const InputError& error) {
         const std::string message = error.what();
         EXPECT_TRUE(message.starts_with("graph 'iner' was not found; did you mean 'inner'?"));
-        EXPECT_NE(message.find("/nowhere"), std::string::npos);
+        EXPECT_NE(message.find(graphs_folder / "good"), std::string::npos);
         EXPECT_EQ(error.exit_code(), 3);
     }
+    ::setenv("RAYLOOM_GRAPH_PATH", "/nowhere", 1);
+    EXPECT_THROW(find_graph("inner"), InputError) << "a folder that is not there is a slip";
     ::unsetenv("RAYLOOM_GRAPH_PATH");
     EXPECT_THROW(find_graph(""), InputError);
     EXPECT_THROW(find_graph("inner"), InputError);
+}
+
+TEST_F(Reader, ACommaThatEndsATextIsExplained)
+{
+    EXPECT_EQ(
+        problems_of("rayloom: 1\ninputs: {color: {doc: noisy, linear}}\n"
+                    "nodes: {a: {op: mock.gain, image: color}}\noutputs: {image: a}\n"),
+        "g.yaml:2:30: input 'color': 'linear' is not a key here; there is: doc, channels, kind, "
+        "list, optional, role and neighbours; a text with a comma in it needs quotes");
+}
+
+TEST_F(Reader, GraphsAsNodesAreFoundBesideTheFileOrByName)
+{
+    const test::TemporaryFolder folder;
+    const auto inside = [&](const std::string& name) {
+        const std::string text =
+            "rayloom: 1\ninputs: {image: noisy}\nnodes:\n  a: {op: 'graph:" + name +
+            "', image: image}\noutputs: {image: a.image}\n";
+        return parse_graph(text, "g.yaml", folder.path()).node("a")->graph;
+    };
+    EXPECT_EQ(inside("nlm-image")->name, "nlm-image") << "one that comes with rayloom";
+    std::ofstream(folder.path() / "nlm-image.yaml")
+        << "rayloom: 1\nname: mine\ninputs: {image: noisy}\n"
+           "nodes: {b: {op: mock.gain, image: image}}\noutputs: {image: b}\n";
+    EXPECT_EQ(inside("nlm-image.yaml")->name, "mine");
+    EXPECT_EQ(inside("nlm-image")->name, "nlm-image");
+}
+
+/// The paths a node of a graph in `folder` is given by `argument`; `params` are the graph's.
+std::vector<std::string> paths_given(const std::string& params, const std::string& argument,
+                                     const std::string& folder)
+{
+    const Graph graph = parse_graph("rayloom: 1\n" + params + "nodes: {a: {op: mock.files, " +
+                                        argument + "}}\noutputs: {image: a}\n",
+                                    "g.yaml", folder);
+    std::vector<std::string> paths;
+    for (const auto& item : graph.node("a")->arguments.at(0).items) {
+        const auto* reference = std::get_if<ParamReference>(&item);
+        const ParamValue& value = reference ? graph.param(reference->name)->info.default_value
+                                            : std::get<ParamValue>(item);
+        if (const auto* list = std::get_if<std::vector<std::string>>(&value))
+            paths.insert(paths.end(), list->begin(), list->end());
+        else
+            paths.push_back(std::get<std::string>(value));
+    }
+    return paths;
+}
+
+TEST_F(Reader, PathsAreRelativeToTheFileThatHoldsThem)
+{
+    using Paths = std::vector<std::string>;
+    EXPECT_EQ(paths_given("", "file: a.exr", "shots/x"), Paths{"shots/x/a.exr"});
+    EXPECT_EQ(paths_given("", "file: ../a.exr", "/shots/x"), Paths{"/shots/x/../a.exr"});
+    EXPECT_EQ(paths_given("", "file: /a.exr", "shots"), Paths{"/a.exr"});
+    EXPECT_EQ(paths_given("", "file: ''", "shots"), Paths{""});
+    EXPECT_EQ(paths_given("", "file: a.exr", "."), Paths{"a.exr"});
+    EXPECT_EQ(paths_given("", "files: [a.exr, /b.exr]", "shots"), (Paths{"shots/a.exr", "/b.exr"}));
+    EXPECT_EQ(paths_given("", "files: a.exr", "shots"), Paths{"shots/a.exr"});
+    EXPECT_EQ(paths_given("params: {p: {type: path, default: a.exr}}\n", "file: $p", "shots"),
+              Paths{"shots/a.exr"});
+    EXPECT_EQ(paths_given("params: {p: {type: paths, default: [a, b]}}\n", "files: $p", "shots"),
+              (Paths{"shots/a", "shots/b"}));
+    EXPECT_EQ(paths_given("params: {p: {type: path}}\n", "files: [$p, c]", "shots"),
+              (Paths{"", "shots/c"}));
+}
+
+TEST_F(Reader, WhereAPathBeginsIsNeverInDoubt)
+{
+    const auto problems = [](const std::string& param, const std::string& argument) {
+        return problems_of("rayloom: 1\nparams: {p: " + param +
+                           "}\nnodes:\n  a: {op: mock.files, " + argument +
+                           "}\noutputs: {image: a}\n");
+    };
+    EXPECT_EQ(problems("a.exr", "file: $p"),
+              "g.yaml:4:29: node 'a' (mock.files): parameter 'file' is of type path, '$p' of type "
+              "string; declare 'p' with 'type: path'");
+    EXPECT_EQ(problems("[a, b]", "files: $p"),
+              "g.yaml:4:30: node 'a' (mock.files): parameter 'files' is of type paths, '$p' of "
+              "type strings; declare 'p' with 'type: paths'");
+    EXPECT_EQ(problems("{type: path, default: a}", "file: $p, when: $p == 'a'"),
+              "g.yaml:4:45: node 'a' (mock.files): 'when': the path '$p' can only be compared "
+              "with ''");
+    EXPECT_EQ(problems("{type: path, default: ''}", "file: $p, when: $p != ''"), "");
 }
 
 } // namespace

@@ -141,6 +141,23 @@ public:
     }
 };
 
+struct FilesParams {
+    std::string file;
+    std::vector<std::string> files;
+};
+class Files final : public FileTestNode<FilesParams>
+{
+public:
+    using FileTestNode::FileTestNode;
+    static void describe(Declaration<FilesParams>& d)
+    {
+        d.name("mock.files").summary("Reads files.");
+        d.output("image", "what is in them");
+        d.param("file", &FilesParams::file, "One file.").path();
+        d.param("files", &FilesParams::files, "Several files.").path();
+    }
+};
+
 struct TypesParams {
     bool flag = false;
     int whole = 2;
@@ -183,6 +200,7 @@ void register_graph_nodes()
         registry.add(node_info<Measure>());
         registry.add(node_info<Apply>());
         registry.add(node_info<Save>());
+        registry.add(node_info<Files>());
         registry.add(node_info<Types>());
         return true;
     }();

@@ -8,7 +8,7 @@ namespace rayloom::test
 {
 
 /// Registers the nodes of stage `mock.` (once; further calls do nothing):
-/// gain, blend, levels, join, flatten, measure, apply, save, types.
+/// gain, blend, levels, join, flatten, measure, apply, save, files, types.
 void register_graph_nodes();
 
 } // namespace rayloom::test
