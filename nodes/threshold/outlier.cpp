@@ -19,7 +19,7 @@ class Outlier final : public Node
 public:
     struct Params {
         int radius = 3;
-        float share = 0.2f;
+        double share = 0.2;
     };
 
     static void describe(Declaration<Params>& d)
@@ -80,7 +80,7 @@ public:
         context.output("excess", image.with_channels(names));
         if (!m_variance.empty()) context.output("variance", image.with_channels(names));
         m_passed.plan(context, "image", m_colour);
-        if (m.share == 0.0f) {
+        if (m.share == 0.0) {
             context.pass_through("image", "image");
             if (!m_variance.empty()) context.pass_through("variance", "variance");
             context.constant("excess", 0.0f);
@@ -122,10 +122,9 @@ private:
         const Region around =
             Region{x, y, x + 1, y + 1}.grown(Halo::all(m.radius)).intersect(m_window);
         const auto number = static_cast<std::ptrdiff_t>(around.pixels()) - 1;
-        if (number == 0 || m.share == 0.0f) return 1.0f;
+        if (number == 0 || m.share == 0.0) return 1.0f;
         const auto rank = std::max<std::ptrdiff_t>(
-            1, static_cast<std::ptrdiff_t>(
-                   std::ceil(static_cast<double>(m.share) * static_cast<double>(number))));
+            1, static_cast<std::ptrdiff_t>(std::ceil(m.share * static_cast<double>(number))));
         for (const int c : m_colour)
             if (is_matched(image, c, x, y, around, rank)) return 1.0f;
         float most = 0.0f;

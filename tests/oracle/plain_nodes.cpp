@@ -185,6 +185,14 @@ std::vector<NodeWork> thresholds()
          "clamp, division, root, product, two sums a value; mean, variance and count read, both "
          "ends written",
          plain_interval},
+        {"threshold.outlier",
+         graph(colours({"image", "low"}), "split: {op: threshold.outlier, image: image, low: low}",
+               "image: split.image, excess: split.excess"),
+         3 * (48 + 4), 4 * rgb,
+         "48 neighbours a channel compared, what the fifth of brightest pixels costs more left "
+         "out; "
+         "image and low read, image and excess written",
+         plain_outlier},
         {"threshold.sanitize",
          graph(colours({"image"}), "clean: {op: threshold.sanitize, image: image}", "image: clean"),
          3 * 2, 2 * rgb, "two comparisons a value; image read and written", plain_sanitize},

@@ -72,6 +72,7 @@ PlainResult plain_steerable_inverse(const PlainInput&);
 PlainResult plain_boundary(const PlainInput&);
 PlainResult plain_interval(const PlainInput&);
 PlainResult plain_sanitize(const PlainInput&);
+PlainResult plain_outlier(const PlainInput&);
 PlainResult plain_demodulate(const PlainInput&);
 PlainResult plain_exp(const PlainInput&);
 PlainResult plain_flash(const PlainInput&);

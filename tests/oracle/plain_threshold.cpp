@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace rayloom::oracle
 {
@@ -50,6 +51,33 @@ PlainResult plain_sanitize(const PlainInput& in)
         }
         return 0.0;
     })};
+    return out;
+}
+
+PlainResult plain_outlier(const PlainInput& in)
+{
+    const Raster<double>&image = in.image("image"), &low = in.image("low");
+    const auto factor = [&](int x, int y) {
+        double most = 0.0;
+        for (int c = 0; c < 3; ++c) {
+            if (!(image.at(c, x, y) > 0.0)) return 1.0;
+            std::vector<double> around;
+            for (int v = std::max(0, y - 3); v <= std::min(image.height - 1, y + 3); ++v)
+                for (int u = std::max(0, x - 3); u <= std::min(image.width - 1, x + 3); ++u)
+                    if (u != x || v != y) around.push_back(image.at(c, u, v));
+            std::sort(around.rbegin(), around.rend());
+            const double rank = std::ceil(0.2 * static_cast<double>(around.size()) - 1e-6);
+            const double cap =
+                std::max(around[static_cast<std::size_t>(rank) - 1], low.at(c, x, y));
+            most = std::max(most, cap / image.at(c, x, y));
+        }
+        return std::min(most, 1.0);
+    };
+    PlainResult out;
+    out.images["image"] = {make_raster(
+        image, 3, [&](int c, int x, int y) { return image.at(c, x, y) * factor(x, y); })};
+    out.images["excess"] = {make_raster(
+        image, 3, [&](int c, int x, int y) { return image.at(c, x, y) * (1.0 - factor(x, y)); })};
     return out;
 }
 

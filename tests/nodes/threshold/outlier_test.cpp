@@ -51,8 +51,7 @@ double expected_factor(const TestImage& image, const TestImage* low, int x, int 
                 if (window.contains(u, v) && (u != x || v != y))
                     around.push_back(image.view().at(c, u, v));
         std::sort(around.rbegin(), around.rend());
-        const double rank = std::max(1.0, std::ceil(static_cast<double>(static_cast<float>(share)) *
-                                                    static_cast<double>(around.size())));
+        const double rank = std::max(1.0, std::ceil(share * static_cast<double>(around.size())));
         double cap = around[static_cast<std::size_t>(rank) - 1];
         if (low) cap = std::max(cap, static_cast<double>(low->view().at(c, x, y)));
         most = std::max(most, cap / static_cast<double>(image.view().at(c, x, y)));
