@@ -272,6 +272,33 @@ PlainResult plain_coverage(const PlainInput& in)
     return out;
 }
 
+PlainResult plain_channels(const PlainInput& in)
+{
+    const Raster<double>& image = in.image("image");
+    PlainResult out;
+    auto& columns = out.tables["figures"];
+    const double n = image.width * image.height;
+    for (int c = 0; c < 3; ++c) {
+        double least = image.at(c, 0, 0), most = least, sum = 0.0, squares = 0.0;
+        const auto each = [&](const auto& visit) {
+            for (int y = 0; y < image.height; ++y)
+                for (int x = 0; x < image.width; ++x) visit(image.at(c, x, y));
+        };
+        each([&](double v) {
+            least = std::min(least, v);
+            most = std::max(most, v);
+            sum += v;
+        });
+        each([&](double v) { squares += (v - sum / n) * (v - sum / n); });
+        columns["minimum"].push_back(least);
+        columns["maximum"].push_back(most);
+        columns["mean"].push_back(sum / n);
+        columns["deviation"].push_back(std::sqrt(squares / n));
+        columns["finite"].push_back(n);
+    }
+    return out;
+}
+
 PlainResult plain_error(const PlainInput& in)
 {
     const Raster<double>&image = in.image("image"), &reference = in.image("reference");

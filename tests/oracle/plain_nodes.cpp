@@ -90,6 +90,11 @@ std::vector<NodeWork> filters()
          graph(colours({"low", "high"}), "bound: {op: measure.bound, low: low, high: high}",
                "bound: bound.bound"),
          3, 3 * rgb, "a subtraction a value; two images read, one written", plain_bound},
+        {"measure.channels",
+         graph(colours({"image"}), "figures: {op: measure.channels, image: image}",
+               "figures: figures"),
+         3 * 7, rgb, "of each value two comparisons and Welford's update (5); an image read",
+         plain_channels},
         {"measure.coverage",
          graph(colours({"low", "high", "reference", "image"}),
                "coverage: {op: measure.coverage, low: low, high: high, reference: reference, "

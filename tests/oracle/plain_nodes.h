@@ -63,6 +63,7 @@ PlainResult plain_band_fit(const PlainInput&);
 PlainResult plain_sum(const PlainInput&);
 PlainResult plain_residual(const PlainInput&);
 PlainResult plain_bound(const PlainInput&);
+PlainResult plain_channels(const PlainInput&);
 PlainResult plain_coverage(const PlainInput&);
 PlainResult plain_error(const PlainInput&);
 PlainResult plain_pyramid(const PlainInput&);
