@@ -275,7 +275,7 @@ def node_rows(data):
 def shares(entry):
     """Bytes, operations, share of the limit, and the plain version, as the tables print them."""
     share, times = entry.get("share_of_limit"), entry.get("times_faster_than_oracle")
-    return [short(entry.get("bytes_per_pixel"), 4), short(entry.get("flops_per_pixel"), 6),
+    return [short(entry.get("bytes_per_pixel"), 4), f"{entry['flops_per_pixel']:.0f}" if "flops_per_pixel" in entry else "–",
             f"{100 * share:.2g} % ({entry['bound_by']})" if share and share < 0.095 else
             f"{100 * share:.0f} % ({entry['bound_by']})" if share else "–",
             f"× {short(times)}" if times else "–"]
@@ -288,7 +288,7 @@ def kernel_rows(data):
     """Kernels by themselves; their plain versions are the last column."""
     return [[kernel_name(e["name"]), e["threads"], short(e.get("ns_per_pixel"), 4), short(e.get("flops_per_second", float("nan")) / 1e9),
              short(e.get("bytes_per_second", float("nan")) / 1e9), *shares(e)]
-            for e in data.kernels["entries"] if not is_node_run(e) and not is_plain(e)]
+            for e in data.kernels["entries"] if "ns_per_pixel" in e and not is_node_run(e) and not is_plain(e)]
 
 
 def scaling_plots(data):
