@@ -10,8 +10,7 @@
 #endif
 
 #include "nodes/fuse/planes_scene.h"
-
-#include "rayloom/simd/lanes-inl.h"
+#include "rayloom/simd/exp2-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace rayloom
@@ -22,35 +21,17 @@ namespace
 {
 using namespace simd::HWY_NAMESPACE;
 
-/// Vectors that are worked on side by side: one alone waits for its own results most of the time.
+/// Vectors that are worked on side by side.
 constexpr int side_by_side = 4;
 
-/// w ← w · 2^−t for t ≥ 0, for N vectors; relative error below 3e-6, 0 from t = 60 on.
+/// w ← w · 2^−t for t ≥ 0. From t = 60 on it is 0: squares of weights are added up, and those that
+/// are not normal numbers are slow.
 template <int N>
 HWY_INLINE void TimesExp2Minus(const V (&t)[N], V (&w)[N])
 {
-    const D d;
-    const hn::RebindToSigned<D> di;
-    // Added to it, a number is rounded to a whole one, which is left in the lowest bits.
-    const V magic = hn::Set(d, 12582912.0f);
-    V shifted[N], f[N], square[N], low[N], high[N];
-    for (int i = 0; i < N; ++i) shifted[i] = hn::Add(t[i], magic);
-    for (int i = 0; i < N; ++i) f[i] = hn::Sub(shifted[i], magic);
-    for (int i = 0; i < N; ++i) f[i] = hn::Sub(f[i], t[i]);
-    for (int i = 0; i < N; ++i) square[i] = hn::Mul(f[i], f[i]);
-    for (int i = 0; i < N; ++i) low[i] = hn::Mul(f[i], hn::Set(d, 0.6931217908859253f));
-    for (int i = 0; i < N; ++i) high[i] = hn::Mul(f[i], hn::Set(d, 0.05591785907745361f));
-    for (int i = 0; i < N; ++i) low[i] = hn::Add(low[i], hn::Set(d, 0.9999992847442627f));
-    for (int i = 0; i < N; ++i) high[i] = hn::Add(high[i], hn::Set(d, 0.240247443318367f));
-    for (int i = 0; i < N; ++i)
-        high[i] = hn::Add(high[i], hn::Mul(square[i], hn::Set(d, 0.009570100344717503f)));
-    for (int i = 0; i < N; ++i) low[i] = hn::Add(low[i], hn::Mul(high[i], square[i]));
-    for (int i = 0; i < N; ++i) {
-        const auto bits =
-            hn::Sub(hn::BitCast(di, low[i]), hn::ShiftLeft<23>(hn::BitCast(di, shifted[i])));
-        w[i] = hn::IfThenElseZero(hn::Lt(t[i], hn::Set(d, 60.0f)),
-                                  hn::Mul(hn::BitCast(d, bits), w[i]));
-    }
+    V power[N];
+    Exp2Minus<4>(t, 60.0f, power);
+    for (int i = 0; i < N; ++i) w[i] = hn::Mul(power[i], w[i]);
 }
 
 /// w_n · w_part of a vector of pixels with others. Everything it needs is its own, so that stores

@@ -92,23 +92,6 @@ struct Block {
     HWY_INLINE void Finish() { m.syy = hn::Sub(hn::Add(m.syy, m.syy), m.sy); }
 };
 
-template <int C>
-HWY_INLINE void AddMoments(const Moments<C>& from, Moments<C>& to)
-{
-    to.s = hn::Add(to.s, from.s);
-    to.sx = hn::Add(to.sx, from.sx);
-    to.sy = hn::Add(to.sy, from.sy);
-    to.sxx = hn::Add(to.sxx, from.sxx);
-    to.sxy = hn::Add(to.sxy, from.sxy);
-    to.syy = hn::Add(to.syy, from.syy);
-    to.noise = hn::Add(to.noise, from.noise);
-    for (int c = 0; c < C; ++c) {
-        to.z[c] = hn::Add(to.z[c], from.z[c]);
-        to.zx[c] = hn::Add(to.zx[c], from.zx[c]);
-        to.zy[c] = hn::Add(to.zy[c], from.zy[c]);
-    }
-}
-
 /// Adds moments counted leftwards and/or upwards to moments counted rightwards and downwards.
 template <int C>
 HWY_INLINE void AddMirrored(const Moments<C>& from, bool left, bool upper, Moments<C>& to)
@@ -271,9 +254,9 @@ public:
             const bool is_left = (q & 1) != 0, is_upper = (q & 2) != 0;
             quadrant[q] = corner[q].m;
             AddMirrored(quadrant[q], is_left, is_upper, square);
-            AddMoments(row[is_left ? 1 : 0], quadrant[q]);
-            AddMoments(column[is_upper ? 1 : 0].m, quadrant[q]);
-            AddMoments(centre, quadrant[q]);
+            AddMirrored(row[is_left ? 1 : 0], false, false, quadrant[q]);
+            AddMirrored(column[is_upper ? 1 : 0].m, false, false, quadrant[q]);
+            AddMirrored(centre, false, false, quadrant[q]);
         }
         for (int side = 0; side < 2; ++side) {
             AddMirrored(row[side], side != 0, false, square);
@@ -334,10 +317,21 @@ private:
         const std::ptrdiff_t light = m_scene.light * m_channel,
                              variance = m_scene.variance * m_channel, z = m_scene.z * m_channel;
         V t[N], w[N];
+        for (int i = 0; i < N; ++i) w[i] = hn::LoadU(d, guide + i * step * m_lanes);
+        V most = w[0];
+        for (int i = 1; i < N; ++i) most = hn::Max(most, w[i]);
+        if (hn::AllFalse(d, hn::Gt(most, hn::Zero(d)))) {
+            // Other objects: only the sums of sums go on.
+            for (int i = 0; i < N; ++i) {
+                run.sx = hn::Add(run.sx, run.s);
+                run.triangle = hn::Add(run.triangle, run.sx);
+                for (int c = 0; c < C; ++c) run.zx[c] = hn::Add(run.zx[c], run.z[c]);
+            }
+            return;
+        }
         for (int i = 0; i < N; ++i) t[i] = hn::Sub(hn::LoadU(d, at + i * step + light), m_mean);
         for (int i = 0; i < N; ++i) t[i] = hn::Mul(hn::Abs(t[i]), m_range);
         for (int i = 0; i < N; ++i) t[i] = hn::Add(t[i], hn::Set(d, distance[-i]));
-        for (int i = 0; i < N; ++i) w[i] = hn::LoadU(d, guide + i * step * m_lanes);
         TimesExp2Minus(t, w);
         for (int i = 0; i < N; ++i) {
             run.s = hn::Add(run.s, w[i]);
