@@ -194,12 +194,13 @@ void Planner::choose_in_place(WorkItem& item, const std::vector<int>& uses)
     reader.inlined = true;
 }
 
-Plan Planner::make(const Graph& graph)
+Plan Planner::make(const Graph& written)
 {
-    m_plan.graph_name = graph.name;
+    m_plan.graph_name = written.name;
     Scope scope;
+    bind_params(written, scope);
+    const Graph& graph = bind_ops(written, scope);
     scope.graph = &graph;
-    bind_params(graph, scope);
     bind_inputs(graph, scope);
     expand(scope);
     plan_outputs(graph, scope);

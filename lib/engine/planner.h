@@ -8,6 +8,7 @@
 #include "rayloom/graph/expression.h"
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -53,13 +54,16 @@ public:
         m_plan.skip = options.skip;
     }
 
-    Plan make(const Graph& graph);
+    Plan make(const Graph& written);
 
 private:
     // Expansion
     void bind_inputs(const Graph& graph, Scope& scope);
     Value bind_input(const GraphInput& input, const InputBinding& binding);
     void bind_params(const Graph& graph, Scope& scope);
+    /// The graph with the ops that the scope's parameters name; in the scope their paths become
+    /// absolute.
+    const Graph& bind_ops(const Graph& graph, Scope& scope);
     void expand(Scope& scope);
     void expand_node(Scope& scope, const GraphNode& node);
     void expand_graph_node(Scope& scope, const GraphNode& node);
@@ -115,6 +119,10 @@ private:
     Plan m_plan;
     std::vector<Problem> m_problems;
     std::vector<std::string> m_input_errors;
+    /// Graphs read again with other ops, by the graph as it was and the ops.
+    std::map<std::pair<const Graph*, std::map<std::string, std::string, std::less<>>>,
+             std::unique_ptr<const Graph>>
+        m_bound;
     std::vector<NewOp> m_pending; ///< copies and constants to make once their op is in place
     std::map<int, std::map<std::string, std::vector<int>, std::less<>>>
         m_op_inputs; ///< op → port → streams

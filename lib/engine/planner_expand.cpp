@@ -3,6 +3,7 @@
 
 #include "rayloom/core/text.h"
 #include "rayloom/engine/engine_nodes.h"
+#include "rayloom/graph/reader.h"
 
 #include <algorithm>
 #include <functional>
@@ -70,6 +71,14 @@ void Planner::bind_params(const Graph& graph, Scope& scope)
                                  p.info.name + "=…");
         scope.params[p.info.name] = std::move(value);
     }
+    for (const GraphParam& p : graph.params) {
+        if (!p.names_op) continue;
+        // A path from the caller is relative to where the caller is, and may be a graph's name.
+        auto* const op = std::get_if<std::string>(&scope.params[p.info.name]);
+        if (op && ParamValue(*op) != p.info.default_value && op->starts_with(graph_prefix))
+            *op = op_from("",
+                          std::string(graph_prefix) + find_graph(op->substr(graph_prefix.size())));
+    }
     const auto check_known = [&](const auto& given) {
         for (const auto& [name, value] : given)
             if (!graph.param(name))
@@ -78,6 +87,23 @@ void Planner::bind_params(const Graph& graph, Scope& scope)
     };
     check_known(m_request.params);
     check_known(m_request.param_texts);
+}
+
+const Graph& Planner::bind_ops(const Graph& graph, Scope& scope)
+{
+    std::map<std::string, std::string, std::less<>> ops;
+    for (const GraphParam& p : graph.params) {
+        auto* const op = std::get_if<std::string>(&scope.params[p.info.name]);
+        if (!p.names_op || !op) continue;
+        *op = op_from(graph.folder, *op);
+        if (const auto read = graph.ops.find(p.info.name);
+            read != graph.ops.end() && read->second != *op)
+            ops[p.info.name] = *op;
+    }
+    if (ops.empty()) return graph;
+    std::unique_ptr<const Graph>& bound = m_bound[{&graph, ops}];
+    if (!bound) bound = std::make_unique<const Graph>(graph_with_ops(graph, ops));
+    return *bound;
 }
 
 Value Planner::bind_input(const GraphInput& input, const InputBinding& binding)
@@ -210,6 +236,9 @@ void Planner::expand_node(Scope& scope, const GraphNode& node)
         m_plan.pruned.push_back({scope.prefix + node.id, "its condition (when:) does not hold"});
         return;
     }
+    if (!node.left_out.empty())
+        m_plan.notes.push_back("node '" + scope.prefix + node.id + "' (" + node.op +
+                               ") does without " + join_names(node.left_out, true));
     if (node.graph) {
         expand_graph_node(scope, node);
         return;
@@ -361,9 +390,9 @@ void Planner::expand_graph_node(Scope& scope, const GraphNode& node)
     for (const GraphParam& p : inner.params) infos.push_back(p.info);
     for (std::size_t i = 0; i < mapped.value_or(1); ++i) {
         Scope sub;
-        sub.graph = &inner;
         sub.prefix = scope.prefix + node.id + (mapped ? "[" + std::to_string(i) + "]/" : "/");
         sub.params = node_params(scope, node, infos, mapped ? std::optional(i) : std::nullopt);
+        sub.graph = &bind_ops(inner, sub);
         for (const GraphInput& input : inner.inputs) {
             Value value;
             value.absent = true;

@@ -37,6 +37,7 @@ void GraphReader::read(const Value& root)
         problem({m_graph.file, 0, 0}, "the graph has no nodes and no outputs");
     check_name_clashes();
     check_neighbours();
+    resolve_ops();
     resolve_nodes();
     find_cycles();
     infer_shapes();

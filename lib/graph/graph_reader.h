@@ -52,9 +52,12 @@ struct ReadState {
 /// The text of a graph file. Throws InputError when it cannot be read.
 std::string read_text(const std::string& path);
 
+/// Values of parameters that name ops, in place of their defaults; paths are absolute.
+using Ops = std::map<std::string, std::string, std::less<>>;
+
 /// Reads text into a Graph; what is wrong is added to `state.problems`.
 Graph read_tree(const std::string& text, const std::string& name, const std::string& folder,
-                ReadState& state);
+                ReadState& state, const Ops& ops = {});
 
 /// A path as a graph file in `folder` writes it (relative to itself) as the process takes it.
 std::string path_from(const std::string& folder, const std::string& written);
@@ -63,7 +66,10 @@ std::string path_from(const std::string& folder, const std::string& written);
 class GraphReader
 {
 public:
-    GraphReader(Graph& graph, ReadState& state) : m_graph(graph), m_state(state) {}
+    GraphReader(Graph& graph, ReadState& state, const Ops& ops)
+        : m_graph(graph), m_state(state), m_ops(ops)
+    {
+    }
 
     void read(const Value& root);
 
@@ -118,8 +124,12 @@ private:
 
     // graph_reader_nodes.cpp: nodes, what their op names, conditions
     void read_node(const Entry& entry);
+    void resolve_ops();
     /// Declaration behind a node's op; empty when there is none.
     std::optional<NodeInfo> find_op(GraphNode& node);
+    /// Puts what `op: $name` stands for in its place.
+    /// \return the declaration behind the parameter's default, which says what keys there can be.
+    std::optional<NodeInfo> bind_op(GraphNode& node);
     std::shared_ptr<const Graph> find_graph_node(const GraphNode& node);
     void resolve_nodes();
     void read_when(GraphNode& node, const Entry& entry);
@@ -129,6 +139,9 @@ private:
 
     // graph_reader_arguments.cpp: what a node is given
     void read_argument(GraphNode& node, const NodeInfo& info, const Entry& entry);
+    /// A parameter of a graph that names an op there: the graph parameters it is given from name
+    /// ops too, and paths are relative to this file.
+    void pass_op(const GraphNode& node, Argument& argument);
     void read_streams(const GraphNode& node, const PortInfo& port, Argument& argument,
                       const Value& value);
     void read_items(const GraphNode& node, const ParamInfo& info, Argument& argument,
@@ -166,11 +179,13 @@ private:
 
     struct NodeTree {
         std::optional<NodeInfo> info;
+        std::optional<NodeInfo> default_info; ///< of the default, when the op is a parameter
         yaml::ValuePtr value;
     };
 
     Graph& m_graph;
     ReadState& m_state;
+    const Ops& m_ops;
     std::vector<NodeTree> m_trees; ///< beside m_graph.nodes
     std::unordered_map<std::string, std::size_t> m_node_index;
     std::vector<std::size_t> m_order; ///< each after what it depends on

@@ -2,6 +2,7 @@
 #include "rayloom/graph/graph_reader.h"
 
 #include "rayloom/core/text.h"
+#include "rayloom/graph/reader.h"
 
 #include <algorithm>
 
@@ -85,11 +86,26 @@ void GraphReader::read_argument(GraphNode& node, const NodeInfo& info, const Ent
         read_streams(node, *port, argument, *entry.value);
     } else if (const ParamInfo* param = info.param(entry.key)) {
         read_items(node, *param, argument, *entry.value);
+        pass_op(node, argument);
     } else {
         problem(entry.where, label(node) + unknown_argument(info, entry.key));
         return;
     }
     node.arguments.push_back(std::move(argument));
+}
+
+void GraphReader::pass_op(const GraphNode& node, Argument& argument)
+{
+    const GraphParam* param = node.graph ? node.graph->param(argument.key) : nullptr;
+    if (!param || !param->names_op) return;
+    for (auto& item : argument.items) {
+        if (auto* value = std::get_if<ParamValue>(&item)) {
+            if (auto* op = std::get_if<std::string>(value)) *op = op_from(m_graph.folder, *op);
+            continue;
+        }
+        for (GraphParam& outer : m_graph.params)
+            if (outer.info.name == std::get<ParamReference>(item).name) outer.names_op = true;
+    }
 }
 
 void GraphReader::read_streams(const GraphNode& node, const PortInfo& port, Argument& argument,

@@ -16,8 +16,12 @@ namespace
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view graph_prefix = "graph:";
 constexpr std::size_t max_graph_depth = 16;
+
+bool has_key(const NodeInfo& info, const std::string& key)
+{
+    return info.input(key) || info.param(key);
+}
 
 std::string op_suggestion(const std::string& op)
 {
@@ -63,12 +67,59 @@ void GraphReader::read_node(const Entry& entry)
     if (op) {
         node.op = op->value->text;
         node.op_where = op->value->where;
-        tree.info = find_op(node);
     }
     tree.value = entry.value;
     m_node_index.emplace(node.id, m_graph.nodes.size());
     m_graph.nodes.push_back(std::move(node));
     m_trees.push_back(std::move(tree));
+}
+
+void GraphReader::resolve_ops()
+{
+    for (std::size_t i = 0; i < m_graph.nodes.size(); ++i) {
+        GraphNode& node = m_graph.nodes[i];
+        if (node.op.empty()) continue;
+        if (!node.op.starts_with('$')) {
+            m_trees[i].info = find_op(node);
+            continue;
+        }
+        m_trees[i].default_info = bind_op(node);
+        if (m_trees[i].default_info) m_trees[i].info = find_op(node);
+    }
+}
+
+std::optional<NodeInfo> GraphReader::bind_op(GraphNode& node)
+{
+    const std::string name = node.op.substr(1);
+    const auto refuse = [&](const std::string& why) {
+        problem(node.op_where, "node '" + node.id + "': op '$" + name + "' " + why);
+        return std::nullopt;
+    };
+    const auto param = std::find_if(m_graph.params.begin(), m_graph.params.end(),
+                                    [&](const GraphParam& p) { return p.info.name == name; });
+    if (param == m_graph.params.end())
+        return refuse("is not declared under params" +
+                      suggestion(name, names_of(m_graph.params,
+                                                [](const GraphParam& p) { return p.info.name; })));
+    m_used_params.insert(name);
+    if (m_broken_params.contains(name)) return std::nullopt;
+    if (param->info.type != ParamType::text)
+        return refuse("wants a parameter of type string, not of type " +
+                      std::string(param_type_name(param->info.type)));
+    if (param->info.required)
+        return refuse("wants a parameter with a default: it says which inputs and parameters "
+                      "there are to give");
+    param->names_op = true;
+    node.op_param = name;
+    node.op = std::get<std::string>(param->info.default_value);
+    m_graph.ops[name] = op_from(m_graph.folder, node.op);
+    std::optional<NodeInfo> info = find_op(node);
+    if (const auto chosen = m_ops.find(name); chosen != m_ops.end()) {
+        m_graph.ops[name] = chosen->second;
+        node.op = chosen->second;
+        node.graph = nullptr;
+    }
+    return info;
 }
 
 std::optional<NodeInfo> GraphReader::find_op(GraphNode& node)
@@ -149,6 +200,9 @@ void GraphReader::resolve_nodes()
                 read_when(node, entry);
             else if (entry.key == "otherwise")
                 node.otherwise = checked_reference(*entry.value, label(node) + "'otherwise': ");
+            else if (tree.info && tree.default_info && !has_key(*tree.info, entry.key) &&
+                     has_key(*tree.default_info, entry.key))
+                node.left_out.push_back(entry.key);
             else if (tree.info)
                 read_argument(node, *tree.info, entry);
         }

@@ -63,6 +63,10 @@ struct GraphNode {
     SourcePosition where;
     std::string op; ///< "fuse.histogram", or "graph:other.yaml"
     SourcePosition op_where;
+    std::string op_param; ///< the parameter `op: $name` takes it from; empty: written as it is
+    /// Inputs and parameters that are written here, that the default of `op_param` has and `op`
+    /// does not.
+    std::vector<std::string> left_out;
     std::vector<Argument> arguments;
     std::optional<Expression> when;
     /// Stands in for the node's outputs when `when` is false; without it they are absent.
@@ -79,6 +83,8 @@ struct GraphNode {
 struct GraphParam {
     ParamInfo info;
     SourcePosition where;
+    /// Some node takes its op from it (`op: $name`), here or in a graph inside.
+    bool names_op = false;
 };
 
 /// `neighbours: frame@-5..-1`: the files of another input's pattern at frames counted from the
@@ -128,6 +134,8 @@ struct Graph {
     std::vector<GraphNode> nodes; ///< in file order
     std::vector<GraphOutput> outputs;
     std::string text; ///< the file's text, part of cache keys and error excerpts
+    /// What the parameters that name ops stand for in `nodes`, as op_from() writes it.
+    std::map<std::string, std::string, std::less<>> ops;
     /// What is allowed and yet looks like a slip: a parameter or an input nobody uses.
     std::vector<Problem> warnings;
     /// Nodes once every graph used as a node is put in its place.

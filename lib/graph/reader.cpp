@@ -34,14 +34,14 @@ std::string read_text(const std::string& path)
 }
 
 Graph read_tree(const std::string& text, const std::string& name, const std::string& folder,
-                ReadState& state)
+                ReadState& state, const Ops& ops)
 {
     Graph graph;
     graph.file = name;
     graph.folder = folder.empty() ? "." : folder;
     graph.text = text;
     if (const yaml::ValuePtr root = yaml::parse(text, name, state.problems))
-        GraphReader(graph, state).read(*root);
+        GraphReader(graph, state, ops).read(*root);
     return graph;
 }
 
@@ -115,6 +115,28 @@ Graph read_graph(const std::string& path)
     Graph graph = reading::read_tree(text, path, fs::path(path).parent_path().string(), state);
     throw_problems(state.problems);
     return graph;
+}
+
+std::string op_from(const std::string& folder, const std::string& op)
+{
+    if (!op.starts_with(graph_prefix)) return op;
+    const std::string file = op.substr(graph_prefix.size());
+    if (file.empty()) return op;
+    const std::string path = locate_graph(file, folder).value_or(reading::path_from(folder, file));
+    std::error_code error;
+    const fs::path absolute = fs::absolute(path, error);
+    return std::string(graph_prefix) + (error ? path : absolute.lexically_normal().string());
+}
+
+Graph graph_with_ops(const Graph& graph, const std::map<std::string, std::string, std::less<>>& ops)
+{
+    ReadState state;
+    std::error_code error;
+    if (fs::exists(graph.file, error))
+        state.open.emplace_back(fs::weakly_canonical(graph.file, error).string(), graph.file);
+    Graph bound = reading::read_tree(graph.text, graph.file, graph.folder, state, ops);
+    throw_problems(state.problems);
+    return bound;
 }
 
 Graph parse_graph(const std::string& text, const std::string& name, const std::string& folder)

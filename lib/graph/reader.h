@@ -6,8 +6,11 @@
 #include "rayloom/core/registry.h"
 #include "rayloom/graph/model.h"
 
+#include <functional>
+#include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace rayloom
@@ -22,6 +25,17 @@ Graph read_graph(const std::string& path);
 /// Same for text; `name` stands for the file in messages, `folder` for relative paths.
 Graph parse_graph(const std::string& text, const std::string& name,
                   const std::string& folder = ".");
+
+/// What an op that is a graph begins with.
+inline constexpr std::string_view graph_prefix = "graph:";
+
+/// An op as a graph file in `folder` writes it, with the path of a graph made absolute.
+std::string op_from(const std::string& folder, const std::string& op);
+
+/// The graph with other ops in the nodes that take theirs from a parameter (`op: $name`; see
+/// Graph::ops). Checked as read_graph() does, against the graph's own text.
+Graph graph_with_ops(const Graph& graph,
+                     const std::map<std::string, std::string, std::less<>>& ops);
 
 /// A graph as a kind of node: its inputs, outputs and parameters as ports and parameters. It has no
 /// create(); the planner puts the graph's nodes in its place. Outputs whose kind is not known

@@ -260,7 +260,8 @@ std::string graph_schema()
                       {"required", quoted_array({"op"})}})},
              {"then", definition(info->name)}}));
     }
-    std::vector<std::string> op_kinds{pattern("graph:.+", "Another graph file, used as a node.")};
+    std::vector<std::string> op_kinds{pattern("graph:.+", "Another graph file, used as a node."),
+                                      definition("parameter")};
     if (!ops.empty()) op_kinds.insert(op_kinds.begin(), object({{"enum", quoted_array(ops)}}));
     Members node{{"type", json_quote("object")},
                  {"required", quoted_array({"op"})},

@@ -184,6 +184,137 @@ TEST_F(PlanTest, GraphsAreNodes)
     EXPECT_EQ(r.images.at("list").size(), 2u);
 }
 
+/// Writes graphs a parameter can name: they give `image` from `color`.
+void write_filters(const std::filesystem::path& folder)
+{
+    const std::string begin = "rayloom: 1\n";
+    std::ofstream(folder / "gain.yaml")
+        << begin << "params: {gain: 2.0}\ninputs: {color: any, more: {optional: true}}\nnodes:\n"
+        << "  a: {op: engine.gain, image: color, factor: $gain}\n"
+        << "  s: {op: engine.sum, images: [a, more]}\noutputs: {image: s}\n";
+    // Knows neither `more` nor `gain`.
+    std::ofstream(folder / "tenfold.yaml")
+        << begin << "inputs: {color: any}\nnodes:\n"
+        << "  a: {op: engine.gain, image: color, factor: 10}\noutputs: {result: a}\n";
+    std::ofstream(folder / "asks.yaml")
+        << begin << "inputs: {color: any, flash: any}\nnodes:\n"
+        << "  a: {op: engine.sum, images: [color, flash]}\noutputs: {result: a}\n";
+    std::ofstream(folder / "bad.yaml") << begin << "inputs: {color: any}\nnodes:\n"
+                                       << "  a: {op: engine.gian, image: color}\n"
+                                       << "outputs: {image: a}\n";
+    std::ofstream(folder / "middle.yaml")
+        << begin << "params: {filter: 'graph:tenfold.yaml'}\ninputs: {color: any}\nnodes:\n"
+        << "  a: {op: $filter, color: color}\noutputs: {image: a}\n";
+    std::ofstream(folder / "self.yaml")
+        << begin << "params: {filter: 'graph:tenfold.yaml'}\ninputs: {color: any}\nnodes:\n"
+        << "  a: {op: 'graph:middle.yaml', filter: 'graph:self.yaml', color: color}\n"
+        << "outputs: {image: a}\n";
+}
+
+const std::string filtered = "rayloom: 1\nname: outer\nparams: {filter: 'graph:gain.yaml'}\n"
+                             "inputs: {color: any, more: any}\nnodes:\n"
+                             "  f: {op: $filter, color: color, more: more, gain: 3}\n"
+                             "outputs: {image: f}\n";
+
+TEST_F(PlanTest, AParameterNamesTheGraphOfANode)
+{
+    const TemporaryFolder folder;
+    write_filters(folder.path());
+    const Graph graph = parse_graph(filtered, "outer.yaml", folder.path().string());
+    RunRequest request;
+    request.inputs["color"] = one(flat_image(7));
+    request.inputs["more"] = one(flat_image(100));
+    EXPECT_EQ(first_pixel(run_graph(graph, request).images.at("image")[0]), 121.0f);
+
+    request.params["filter"] = "graph:" + (folder.path() / "tenfold.yaml").string();
+    const RunReport ten = run_graph(graph, request);
+    EXPECT_EQ(first_pixel(ten.images.at("image")[0]), 70.0f);
+    EXPECT_THAT(ten.notes, Contains(HasSubstr("does without 'more' and 'gain'")));
+
+    // From a command line a path is relative to the folder the command runs in.
+    const auto before = std::filesystem::current_path();
+    std::filesystem::current_path(folder.path());
+    request.params.clear();
+    request.param_texts["filter"] = "graph:tenfold.yaml";
+    const Plan plan =
+        make_plan(parse_graph(filtered, "outer.yaml", folder.path().string()), request);
+    std::filesystem::current_path(before);
+    EXPECT_THAT(plan.ops, Contains(::testing::Field(&PlannedOp::id, "f/a")));
+
+    // Any node will do that has the inputs.
+    request.param_texts["filter"] = "engine.nothing";
+    EXPECT_THROW(make_plan(graph, request), GraphError);
+}
+
+TEST_F(PlanTest, AParameterThatNamesAGraphGoesThroughGraphs)
+{
+    const TemporaryFolder folder;
+    write_filters(folder.path());
+    const auto text = [](const std::string& value) {
+        return "rayloom: 1\nname: outer\nparams: {inside: 'graph:tenfold.yaml'}\n"
+               "inputs: {color: any}\nnodes:\n"
+               "  f: {op: 'graph:middle.yaml', color: color, filter: " +
+               value + "}\noutputs: {image: f}\n";
+    };
+    RunRequest request;
+    request.inputs["color"] = one(flat_image(7));
+    const auto result = [&](const std::string& value) {
+        const Graph graph = parse_graph(text(value), "outer.yaml", folder.path().string());
+        return first_pixel(run_graph(graph, request).images.at("image")[0]);
+    };
+    EXPECT_EQ(result("'graph:tenfold.yaml'"), 70.0f);
+    EXPECT_EQ(result("'graph:gain.yaml'"), 14.0f);
+    EXPECT_EQ(result("$inside"), 70.0f);
+    request.params["inside"] = "graph:" + (folder.path() / "gain.yaml").string();
+    EXPECT_EQ(result("$inside"), 14.0f);
+}
+
+TEST_F(PlanTest, AGraphThatDoesNotFitIsRefusedWhereItIsUsed)
+{
+    const TemporaryFolder folder;
+    write_filters(folder.path());
+    const auto error = [&](const std::string& text, const std::string& filter) {
+        RunRequest request;
+        request.inputs["color"] = one(flat_image(7));
+        request.inputs["more"] = one(flat_image(1));
+        if (!filter.empty())
+            request.params["filter"] = "graph:" + (folder.path() / filter).string();
+        try {
+            make_plan(parse_graph(text, "outer.yaml", folder.path().string()), request);
+        } catch (const Error& e) {
+            return std::string(e.what());
+        }
+        return std::string("no error");
+    };
+    EXPECT_THAT(error(filtered, "asks.yaml"),
+                AllOf(HasSubstr("outer.yaml:6:3: node 'f' (graph:/"),
+                      HasSubstr("asks.yaml): input 'flash' is missing")));
+    EXPECT_THAT(error(filtered, "bad.yaml"),
+                HasSubstr("bad.yaml:4:11: node 'a': op 'engine.gian' is not known; did you mean "
+                          "'engine.gain'?"));
+    EXPECT_THAT(error(filtered, "absent.yaml"), HasSubstr("absent.yaml' was not found"));
+    const auto with = [](const std::string& param) {
+        std::string text = filtered;
+        return text.replace(text.find("{filter: 'graph:gain.yaml'}"), 27, param);
+    };
+    EXPECT_THAT(error(with("{filtre: 'graph:gain.yaml'}"), ""),
+                HasSubstr("outer.yaml:6:11: node 'f': op '$filter' is not declared under params; "
+                          "did you mean 'filtre'?"));
+    EXPECT_THAT(error(with("{filter: {type: string}}"), ""),
+                HasSubstr("outer.yaml:6:11: node 'f': op '$filter' wants a parameter with a "
+                          "default"));
+    EXPECT_THAT(error(with("{filter: 2}"), ""),
+                HasSubstr("op '$filter' wants a parameter of type string, not of type int"));
+    // A slip is told from what a chosen graph does not have.
+    std::string slip = filtered;
+    slip.replace(slip.find("gain: 3"), 7, "gian: 3");
+    EXPECT_THAT(error(slip, "tenfold.yaml"), HasSubstr("'gian'"));
+    EXPECT_THAT(error("rayloom: 1\ninputs: {color: any, more: any}\nnodes:\n"
+                      "  f: {op: 'graph:self.yaml', color: color}\noutputs: {image: f}\n",
+                      ""),
+                HasSubstr("the graph uses itself"));
+}
+
 TEST_F(PlanTest, ListsThatDoNotFitTogetherAreNamed)
 {
     const std::string text =
