@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <vector>
 
 namespace rayloom
@@ -18,11 +19,14 @@ public:
     struct Params {
         int radius = 1;
         float factor = 2.0f;
+        float support = 0.5f;
+        int support_radius = 2;
     };
 
     static void describe(Declaration<Params>& d)
     {
         d.name("fuse.residual")
+            .version(2)
             .summary("Gives a filtered image back what it lost beyond noise.")
             .doc("out = f + s·(z − f) with s = max(0, 1 − factor·v / b): b is the mean of (z − f)² "
                  "over a square and the colours, v that of the noise variance of z. Where a filter "
@@ -32,6 +36,10 @@ public:
                  "least expected error when `factor` is 1 and b and v are known exactly; a larger "
                  "one allows for their being estimates. An image without noise comes back bit for "
                  "bit.\n\n"
+                 "Where s has a mean below `support` in the square of `support_radius` around, it "
+                 "is lowered by as much: detail goes on from pixel to pixel, while the dark gaps "
+                 "between fireflies, which look free of noise, and fireflies beside what looks "
+                 "so are specks.\n\n"
                  "For `variance` from a single image take transform.local_variance with radius 0: "
                  "the square averages it. Pixels that are marked or not finite are left out of the "
                  "sums, and stay as filtered. Alpha and other channels of `image` pass through.")
@@ -59,6 +67,12 @@ public:
         d.param("factor", &Params::factor,
                 "how many times the noise variance a change may be; 0 gives the original")
             .range(0, 1e6);
+        d.param("support", &Params::support,
+                "mean share around a pixel from which on its own counts in full; 0: it always does")
+            .range(0, 1);
+        d.param("support_radius", &Params::support_radius, "half-size of the square around")
+            .range(0, 16)
+            .unit("px");
     }
 
     explicit Residual(const Params& p) : m(p) {}
@@ -73,7 +87,7 @@ public:
         if (context.has("marked"))
             m_marked = matching_colours(context, "image", "marked", ColourCount::same_or_one);
         for (const char* port : {"image", "original", "variance", "marked"})
-            if (context.has(port)) context.needs(port, Halo::all(m.radius));
+            if (context.has(port)) context.needs(port, Halo::all(m.radius + support_reach()));
         context.output("image", image);
         m_passed.plan(context, "image", m_image);
     }
@@ -81,41 +95,74 @@ public:
     void compute(const TileContext& context) const override
     {
         const Region& r = context.region();
-        const Region wide = r.grown(Halo::all(m.radius)).intersect(m_data);
+        const Region around = r.grown(Halo::all(support_reach())).intersect(m_data);
+        const Region wide = around.grown(Halo::all(m.radius)).intersect(m_data);
         ImageBuffer sums(wide, 2); // (z − f)² and variance, added over the colours
         for (int y = wide.y0; y < wide.y1; ++y) add_row(context, wide, y, sums.view());
-        const auto width = static_cast<std::size_t>(wide.width());
-        std::vector<float> change(width), noise(width), share(static_cast<std::size_t>(r.width()));
+        ImageBuffer shares(around, 1);
+        std::vector<float> noise(static_cast<std::size_t>(around.width()));
+        for (int y = around.y0; y < around.y1; ++y) {
+            const std::span<float> share = shares.view().row_span(0, y);
+            square_sums(sums.view(), 0, m.radius, around.x0, y, share);
+            square_sums(sums.view(), 1, m.radius, around.x0, y, noise);
+            for (std::size_t i = 0; i < share.size(); ++i) {
+                const float allowed = m.factor * noise[i], left = share[i] - allowed;
+                // Without noise all of a change counts, and where nothing changed it is all the
+                // same.
+                share[i] = allowed <= 0.0f ? 1.0f : left > 0.0f ? 1.0f - allowed / share[i] : 0.0f;
+            }
+        }
+        std::vector<float> share(static_cast<std::size_t>(r.width()));
         for (int y = r.y0; y < r.y1; ++y) {
-            std::fill(change.begin(), change.end(), 0.0f);
-            std::fill(noise.begin(), noise.end(), 0.0f);
-            for (int v = std::max(y - m.radius, wide.y0); v <= std::min(y + m.radius, wide.y1 - 1);
-                 ++v) {
-                const float *const b = sums.view().row(0, v), *const n = sums.view().row(1, v);
-                for (std::size_t i = 0; i < width; ++i) {
-                    change[i] += b[i];
-                    noise[i] += n[i];
-                }
-            }
-            for (int x = r.x0; x < r.x1; ++x) {
-                float b = 0.0f, n = 0.0f;
-                for (int u = std::max(x - m.radius, wide.x0);
-                     u <= std::min(x + m.radius, wide.x1 - 1); ++u) {
-                    b += change[static_cast<std::size_t>(u - wide.x0)];
-                    n += noise[static_cast<std::size_t>(u - wide.x0)];
-                }
-                const float left = b - m.factor * n;
-                share[static_cast<std::size_t>(x - r.x0)] = left > 0.0f ? left / b : 0.0f;
-            }
+            std::copy_n(shares.view().ptr(0, r.x0, y), r.width(), share.data());
+            if (m.support > 0.0f) support_row(shares.view(), r.x0, y, share);
             mix_row(context, y, share);
         }
         m_passed.copy(context.input("image"), context.output("image"));
     }
 
 private:
-    bool skipped(const TileContext& context, std::size_t c, int x, int y) const
+    int support_reach() const { return m.support > 0.0f ? m.support_radius : 0; }
+
+    /// Sums over the square around each pixel of a row from x0 on, as far as `from` has it.
+    static void square_sums(ConstImageView from, int channel, int radius, int x0, int y,
+                            std::span<float> to)
     {
-        return !m_marked.empty() && context.input("marked").at(m_marked[c], x, y) != 0.0f;
+        const Region& in = from.region();
+        std::vector<float> column(static_cast<std::size_t>(in.width()), 0.0f);
+        for (int v = std::max(y - radius, in.y0); v <= std::min(y + radius, in.y1 - 1); ++v) {
+            const float* const row = from.row(channel, v);
+            for (std::size_t i = 0; i < column.size(); ++i) column[i] += row[i];
+        }
+        for (std::size_t i = 0; i < to.size(); ++i) {
+            const int x = x0 + static_cast<int>(i);
+            float sum = 0.0f;
+            for (int u = std::max(x - radius, in.x0); u <= std::min(x + radius, in.x1 - 1); ++u)
+                sum += column[static_cast<std::size_t>(u - in.x0)];
+            to[i] = sum;
+        }
+    }
+
+    /// Lowers the shares of a row from x0 on whose surroundings have less.
+    void support_row(ConstImageView shares, int x0, int y, std::vector<float>& share) const
+    {
+        const int reach = m.support_radius;
+        std::vector<float> sum(share.size());
+        square_sums(shares, 0, reach, x0, y, sum);
+        const int rows = std::min(y + reach, m_data.y1 - 1) - std::max(y - reach, m_data.y0) + 1;
+        for (std::size_t i = 0; i < share.size(); ++i) {
+            const int x = x0 + static_cast<int>(i);
+            const int columns =
+                std::min(x + reach, m_data.x1 - 1) - std::max(x - reach, m_data.x0) + 1;
+            const float mean = sum[i] / static_cast<float>(rows * columns);
+            if (mean < m.support) share[i] *= mean / m.support;
+        }
+    }
+
+    /// The marks of a colour, from pixel x on; nothing when none can be marked.
+    const float* marks(const TileContext& context, std::size_t c, int x, int y) const
+    {
+        return m_marked.empty() ? nullptr : context.input("marked").ptr(m_marked[c], x, y);
     }
 
     void add_row(const TileContext& context, const Region& wide, int y, ImageView sums) const
@@ -127,11 +174,11 @@ private:
             const float* const f = context.input("image").ptr(m_image[c], wide.x0, y);
             const float* const z = context.input("original").ptr(m_original[c], wide.x0, y);
             const float* const v = context.input("variance").ptr(m_variance[c], wide.x0, y);
+            const float* const mark = marks(context, c, wide.x0, y);
             for (int x = 0; x < wide.width(); ++x) {
                 const float difference = (z[x] - f[x]) * (z[x] - f[x]);
                 const float variance = std::max(v[x], 0.0f);
-                if (!std::isfinite(difference + variance) || skipped(context, c, wide.x0 + x, y))
-                    continue;
+                if (!std::isfinite(difference + variance) || (mark && mark[x] != 0.0f)) continue;
                 change[x] += difference;
                 noise[x] += variance;
             }
@@ -146,10 +193,11 @@ private:
         for (std::size_t c = 0; c < m_image.size(); ++c) {
             const float* const f = image.ptr(m_image[c], r.x0, y);
             const float* const z = context.input("original").ptr(m_original[c], r.x0, y);
+            const float* const mark = marks(context, c, r.x0, y);
             float* const to = out.row(m_image[c], y);
             for (int x = 0; x < r.width(); ++x) {
                 const float s = share[static_cast<std::size_t>(x)];
-                const bool alone = !std::isfinite(z[x]) || skipped(context, c, r.x0 + x, y);
+                const bool alone = !std::isfinite(z[x]) || (mark && mark[x] != 0.0f);
                 to[x] = alone ? f[x] : s == 1.0f ? z[x] : f[x] + s * (z[x] - f[x]);
             }
         }

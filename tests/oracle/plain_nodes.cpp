@@ -69,9 +69,10 @@ std::vector<NodeWork> filters()
          graph(colours({"filtered", "original", "variance"}),
                "kept: {op: fuse.residual, image: filtered, original: original, variance: variance}",
                "image: kept"),
-         3 * 5 + 8 + 3 + 3 * 3, 4 * rgb,
+         3 * 5 + 8 + 3 + 10 + 3 * 3, 4 * rgb,
          "of each colour difference, square, sums and clamp (5), two separable 3×3 sums (8), the "
-         "share (3), mixture (3 a colour); three images read, one written",
+         "share (3) and its separable 5×5 mean (10), mixture (3 a colour); three images read, one "
+         "written",
          plain_residual, 1e-5},
         {"fuse.sum",
          graph(colours({"direct", "indirect"}), "sum: {op: fuse.sum, images: [direct, indirect]}",

@@ -42,7 +42,7 @@ Case noisy_case(float noise)
     return k;
 }
 
-double expected(const Case& k, int radius, double factor, int c, int x, int y)
+double share(const Case& k, int radius, double factor, int x, int y)
 {
     double b = 0.0, v = 0.0;
     for (int j = std::max(window.y0, y - radius); j < std::min(window.y1, y + radius + 1); ++j)
@@ -52,7 +52,24 @@ double expected(const Case& k, int radius, double factor, int c, int x, int y)
                 b += (z - f) * (z - f);
                 v += k.variance.view().at(n, i, j);
             }
-    const double s = b > 0.0 ? std::max(0.0, 1.0 - factor * v / b) : 0.0;
+    return factor * v > 0.0 ? std::max(0.0, 1.0 - factor * v / b) : 1.0;
+}
+
+double expected(const Case& k, int radius, double factor, double support, int support_radius, int c,
+                int x, int y)
+{
+    double s = share(k, radius, factor, x, y);
+    if (support > 0.0) {
+        double sum = 0.0;
+        int count = 0;
+        for (int j = y - support_radius; j <= y + support_radius; ++j)
+            for (int i = x - support_radius; i <= x + support_radius; ++i) {
+                if (!window.contains(i, j)) continue;
+                sum += share(k, radius, factor, i, j);
+                ++count;
+            }
+        s *= std::min(1.0, sum / count / support);
+    }
     const double z = k.original.view().at(c, x, y), f = k.image.view().at(c, x, y);
     return f + s * (z - f);
 }
@@ -60,14 +77,24 @@ double expected(const Case& k, int radius, double factor, int c, int x, int y)
 TEST(Residual, Oracle)
 {
     const Case k = noisy_case(0.2f);
-    for (const int radius : {0, 1, 3}) {
-        const NodeRun run = run_node(
-            "fuse.residual", {{"radius", std::int64_t{radius}}, {"factor", 1.5}}, k.inputs());
+    struct Setting {
+        int radius;
+        double support;
+        int support_radius;
+    };
+    for (const auto& [radius, support, around] :
+         {Setting{0, 0.0, 2}, {1, 0.5, 2}, {3, 0.0, 0}, {1, 1.0, 1}, {2, 0.3, 5}, {0, 0.7, 0}}) {
+        const NodeRun run = run_node("fuse.residual",
+                                     {{"radius", std::int64_t{radius}},
+                                      {"factor", 1.5},
+                                      {"support", support},
+                                      {"support_radius", std::int64_t{around}}},
+                                     k.inputs());
         for (int c = 0; c < 3; ++c)
             for (int y = window.y0; y < window.y1; ++y)
                 for (int x = window.x0; x < window.x1; ++x)
                     ASSERT_NEAR(run.image("image").view().at(c, x, y),
-                                expected(k, radius, 1.5, c, x, y), 3e-5)
+                                expected(k, radius, 1.5, support, around, c, x, y), 3e-5)
                         << c << " " << x << " " << y;
     }
 }
@@ -86,6 +113,32 @@ TEST(Residual, EdgesComeBackAndNoiseDoesNot)
         EXPECT_NEAR(run.image("image").view().at(0, 28, y), 3.0f, 0.4f);
     }
     EXPECT_LT(left, 0.05 * noise);
+}
+
+TEST(Residual, GapsBetweenFirefliesStayFiltered)
+{
+    // One bright pixel in four; what lies between them has no noise to be seen.
+    Case k = noisy_case(0.1f);
+    std::mt19937 random(3);
+    for (int y = window.y0; y < window.y1; ++y)
+        for (int x = window.x0; x < window.x1; ++x) {
+            const bool bright = random() % 4 == 0;
+            for (int c = 0; c < 3; ++c) {
+                k.image.view().at(c, x, y) = 1.0f;
+                k.original.view().at(c, x, y) = bright ? 4.0f : 0.0f;
+                k.variance.view().at(c, x, y) = bright ? 12.0f : 0.001f;
+            }
+        }
+    const auto dark = [&](double support) {
+        const NodeRun run = run_node("fuse.residual", {{"support", support}}, k.inputs());
+        int count = 0;
+        for (int y = window.y0; y < window.y1; ++y)
+            for (int x = window.x0; x < window.x1; ++x)
+                count += run.image("image").view().at(0, x, y) < 0.5f;
+        return count;
+    };
+    EXPECT_GT(dark(0.0), 30);
+    EXPECT_LT(dark(0.5), dark(0.0) / 2);
 }
 
 TEST(Residual, WithoutNoiseTheOriginalComesBack)
