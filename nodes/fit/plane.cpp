@@ -79,9 +79,7 @@ public:
                      "  coefficients: planes\n");
         d.input("image", "z, light divided by its pivot: 1 or 3 colour channels");
         d.input("variance", "variance of z: as many colour channels, or one");
-        d.input("normal", "surface normal, 3 channels; zero where there is none").optional();
-        d.input("boundary", "1 on boundaries of objects (threshold.boundary)").optional();
-        d.input("parts", "pairs of id and coverage (transform.parts)").optional();
+        PlaneGuidePorts::declare(d);
         d.input("marked", "marks of transform.demodulate").optional();
         d.output("coefficients", "radius, relative noise and planes");
         d.param("min_radius", &Params::min_radius, "half-size of the smallest square")

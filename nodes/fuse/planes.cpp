@@ -24,7 +24,7 @@ public:
     static void describe(Declaration<Params>& d)
     {
         d.name("fuse.planes")
-            .version(2)
+            .version(3)
             .summary("Averages, at each pixel, the planes of all squares that cover it.")
             .doc("ζ(p) = Σ w·z̄ / Σ w over the centres q whose square covers p. z̄ blends the plane "
                  "Z of the square with that of the quadrant p lies in, (Z + w_m·Z_m) / (1 + w_m); "
@@ -51,9 +51,7 @@ public:
                      "  image: filtered\n");
         d.input("image", "z that was fitted; gives names, and the channels that pass through");
         d.input("coefficients", "planes of fit.plane");
-        d.input("normal", "surface normal, 3 channels; zero where there is none").optional();
-        d.input("boundary", "1 on boundaries of objects (threshold.boundary)").optional();
-        d.input("parts", "pairs of id and coverage (transform.parts)").optional();
+        PlaneGuidePorts::declare(d);
         d.output("image", "filtered z");
         d.param("max_radius", &Params::max_radius, "as in fit.plane: squares reach no farther")
             .range(1, max_plane_radius)

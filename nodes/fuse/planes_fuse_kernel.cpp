@@ -65,6 +65,13 @@ HWY_INLINE void Evaluate(const FuseJob& job, int plane, float dy, float* to)
     }
 }
 
+HWY_INLINE V Eighth(V v)
+{
+    v = hn::Mul(v, v);
+    v = hn::Mul(v, v);
+    return hn::Mul(v, v);
+}
+
 /// Sums of one vector of pixels, and what equations 11 to 13 add to them.
 template <int C, PlaneBlend blend>
 class PixelSums
@@ -93,6 +100,8 @@ public:
         const float* const other = m_scene + ox;
         V guide = hn::Mul(m_guide.With(other), hn::LoadU(d, other + m_source));
         guide = hn::IfThenElseZero(covers, guide);
+        // Across objects, and beside boundaries, there is nothing to add.
+        if (!own && hn::AllFalse(d, hn::Gt(guide, zero))) return;
         if (own) guide = hn::Max(guide, hn::Set(d, plane_own_weight));
         if (share != 1.0f) guide = hn::Mul(guide, hn::Set(d, share));
 
@@ -115,13 +124,21 @@ public:
         }
         // Where one is not positive the ratio is 0.
         const V low = hn::Max(hn::Min(whole_light, part_light), zero);
-        const V high = hn::Max(hn::Max(whole_light, part_light), hn::Set(d, 1e-30f));
-        V ratio = hn::Div(low, high);
-        ratio = hn::Mul(ratio, ratio);
-        ratio = hn::Mul(ratio, ratio);
-        ratio = hn::Mul(ratio, ratio);
+        const V high = hn::Min(hn::Max(hn::Max(whole_light, part_light), hn::Set(d, 1e-30f)),
+                               hn::Set(d, 1e38f));
+        // Both by a power of two that brings the higher one to [1, 2): eighth powers stay numbers.
+        const hn::RebindToSigned<D> di;
+        const auto exponent = hn::And(hn::BitCast(di, high), hn::Set(di, 0x7f800000));
+        const V scale = hn::BitCast(d, hn::Sub(hn::Set(di, 0x7f000000), exponent));
+        const V high_eighth = Eighth(hn::Mul(high, scale)),
+                low_eighth = Eighth(hn::Mul(low, scale));
+        // One division for 1/high⁸ and 1/(high⁸ + low⁸).
+        const V sum = hn::Add(high_eighth, low_eighth);
+        const V inverse = hn::Div(one, hn::Mul(high_eighth, sum));
+        const V ratio = hn::Mul(low_eighth, hn::Mul(sum, inverse));
         // (Z + w·Z_m) / (1 + w) with w the ratio (min) or one over it (max).
-        V blended = hn::Div(blend == PlaneBlend::min ? ratio : one, hn::Add(one, ratio));
+        V blended = hn::Mul(blend == PlaneBlend::min ? low_eighth : high_eighth,
+                            hn::Mul(high_eighth, inverse));
         V base = ratio;
         if (own) {
             base = hn::Max(base, hn::Set(d, plane_own_weight));

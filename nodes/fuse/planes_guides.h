@@ -4,7 +4,7 @@
 #pragma once
 
 #include "nodes/fuse/planes_kernel.h"
-#include "rayloom/core/node.h"
+#include "rayloom/core/registry.h"
 
 #include <array>
 
@@ -15,6 +15,13 @@ namespace rayloom
 class PlaneGuidePorts
 {
 public:
+    template <class Params>
+    static void declare(Declaration<Params>& d)
+    {
+        d.input("normal", "surface normal, 3 channels; zero where there is none").optional();
+        d.input("boundary", "1 on boundaries of objects (threshold.boundary)").optional();
+        d.input("parts", "pairs of id and coverage (transform.parts)").optional();
+    }
     /// Checks what is connected against `image`, and asks for `halo` around it. Notes what is
     /// absent.
     void plan(PlanContext& context, int halo);

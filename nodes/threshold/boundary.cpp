@@ -91,15 +91,22 @@ public:
     {
         const Region& region = context.region();
         const Region wide = region.grown(Halo::all(m.radius)).intersect(m_data);
+        const Guides guides = guides_of(context);
         ImageBuffer marks(wide, 1);
-        for (int y = wide.y0; y < wide.y1; ++y)
-            for (int x = wide.x0; x < wide.x1; ++x) {
-                bool marked = false;
-                for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}})
-                    marked = marked ||
-                             (m_data.contains(x + dx, y + dy) && differ(context, x, y, dx, dy));
-                marks.view().at(0, x, y) = marked ? 1.0f : 0.0f;
-            }
+        marks.fill(0.0f);
+        const auto mark = [&](int x, int y) {
+            if (wide.contains(x, y)) marks.view().at(0, x, y) = 1.0f;
+        };
+        // Each pair of neighbours once, those that reach in from the left and from above too.
+        for (int y = wide.y0 - 1; y < wide.y1; ++y)
+            for (int x = wide.x0 - 1; x < wide.x1; ++x)
+                for (const auto& [dx, dy] : {std::pair{1, 0}, {0, 1}}) {
+                    if (dx == 1 ? y < wide.y0 : x < wide.x0) continue;
+                    if (!m_data.contains(x, y) || !m_data.contains(x + dx, y + dy)) continue;
+                    if (!differ(guides, x, y, dx, dy)) continue;
+                    mark(x, y);
+                    mark(x + dx, y + dy);
+                }
         for (int y = region.y0; y < region.y1; ++y)
             for (int x = region.x0; x < region.x1; ++x) {
                 float most = 0.0f;
@@ -113,14 +120,25 @@ public:
     }
 
 private:
-    bool differ(const TileContext& context, int x, int y, int dx, int dy) const
+    /// Empty where there is none.
+    struct Guides {
+        ConstImageView parts, normal, depth;
+    };
+
+    static Guides guides_of(const TileContext& context)
     {
-        if (context.has("parts")) {
-            const ConstImageView parts = context.input("parts");
+        Guides guides;
+        if (context.has("parts")) guides.parts = context.input("parts");
+        if (context.has("normal")) guides.normal = context.input("normal");
+        if (context.has("depth")) guides.depth = context.input("depth");
+        return guides;
+    }
+
+    bool differ(const Guides& guides, int x, int y, int dx, int dy) const
+    {
+        if (const ConstImageView& parts = guides.parts; !parts.empty())
             if (main_part(parts, x, y) != main_part(parts, x + dx, y + dy)) return true;
-        }
-        if (context.has("normal")) {
-            const ConstImageView n = context.input("normal");
+        if (const ConstImageView& n = guides.normal; !n.empty()) {
             float dot = 0.0f, a = 0.0f, b = 0.0f;
             for (int c = 0; c < 3; ++c) {
                 const float u = n.at(c, x, y), v = n.at(c, x + dx, y + dy);
@@ -133,8 +151,7 @@ private:
             if (has_a != has_b) return true;
             if (has_a && dot < m_cosine * std::sqrt(a * b)) return true;
         }
-        if (context.has("depth")) {
-            const ConstImageView depth = context.input("depth");
+        if (const ConstImageView& depth = guides.depth; !depth.empty()) {
             const float a = depth.at(0, x, y), b = depth.at(0, x + dx, y + dy);
             const auto is_depth = [](float z) { return z > 0.0f && z < 1e9f; };
             if (is_depth(a) != is_depth(b)) return true;
@@ -154,7 +171,7 @@ private:
         return false;
     }
 
-    static float main_part(ConstImageView parts, int x, int y)
+    static float main_part(const ConstImageView& parts, int x, int y)
     {
         float id = 0.0f, most = 0.0f;
         for (int i = 0; i + 1 < parts.channels(); i += 2)

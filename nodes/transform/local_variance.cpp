@@ -97,14 +97,30 @@ public:
                     image.at(channel, border_index(x, m_window.x0, m_window.x1, Border::mirror),
                              border_index(y, m_window.y0, m_window.y1, Border::mirror)));
             };
-            for (int y = wide.y0; y < wide.y1; ++y)
+            const auto own = [](double middle, double left, double right, double up, double down) {
+                const double twice = 2.0 * middle, h = twice - left - right, v = twice - up - down;
+                return static_cast<float>(std::min(h * h, v * v) / (6.0 * smaller_square));
+            };
+            // Where all four neighbours are in the image.
+            const int x0 = std::max(wide.x0, m_window.x0 + 1);
+            const int x1 = std::min(wide.x1, m_window.x1 - 1);
+            for (int y = wide.y0; y < wide.y1; ++y) {
+                const bool inside = y > m_window.y0 && y < m_window.y1 - 1 && x0 < x1;
                 for (int x = wide.x0; x < wide.x1; ++x) {
-                    const double twice = 2.0 * value(x, y);
-                    const double h = twice - value(x - 1, y) - value(x + 1, y);
-                    const double v = twice - value(x, y - 1) - value(x, y + 1);
-                    noise.view().at(0, x, y) =
-                        static_cast<float>(std::min(h * h, v * v) / (6.0 * smaller_square));
+                    if (inside && x == x0) {
+                        const float* const at = image.ptr(channel, x0, y);
+                        const float* const up = image.ptr(channel, x0, y - 1);
+                        const float* const down = image.ptr(channel, x0, y + 1);
+                        float* const to = noise.view().ptr(0, x0, y);
+                        for (int i = 0; i < x1 - x0; ++i)
+                            to[i] = own(at[i], at[i - 1], at[i + 1], up[i], down[i]);
+                        x = x1 - 1;
+                        continue;
+                    }
+                    noise.view().at(0, x, y) = own(value(x, y), value(x - 1, y), value(x + 1, y),
+                                                   value(x, y - 1), value(x, y + 1));
                 }
+            }
             const ConstImageView seen = noise.view();
             for (int y = region.y0; y < region.y1; ++y) {
                 const auto to = context.output("variance").row_span(static_cast<int>(c), y);
