@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures of docs/methods/pivot.md. Usage: pivot.py SCENES [BUILD_FOLDER] [VARIANT...]
 
-SCENES holds cornell, interior and dof, each with noisy_16.exr, noisy_64.exr (the latter with ID passes)
+SCENES holds cornell, caustics, interior and dof, each with noisy_16.exr, noisy_64.exr (the latter with ID passes)
 and ref.exr, as Cycles writes them. Each line: relMSE of the image, without the worst 0.1 % of the
 pixels in brackets; then, without those, of the pixels within 3 of an ID boundary, of all others, their
-ratio, and of the textured ones (colour that changes by more than 5 % within 5x5 pixels, away from
-boundaries); mean brightness over the reference's. Needs numpy and OpenImageIO.
+ratio, its root (the ratio of the errors themselves), and of the textured ones (colour that changes by more
+than 5 % within 5x5 pixels, away from boundaries); mean brightness over the reference's. SPP in the
+environment chooses samples per pixel (16,64); KEEP is a folder that keeps the images. Needs numpy and
+OpenImageIO.
 """
 import os
 import subprocess
@@ -17,34 +19,45 @@ import numpy as np
 import OpenImageIO as oiio
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-LOBES = os.path.join(HERE, "../../graphs/pivot-lobes.yaml")
+GRAPHS = os.path.abspath(os.path.join(HERE, "../../graphs")) + "/"
+LOBES = GRAPHS + "pivot-lobes.yaml"
+PLANES = GRAPHS + "pivot-planes.yaml"
 BEAUTY = os.path.join(HERE, "pivot_beauty.yaml")
-# Variants: graph, changes of its text, parameters.
+# Variants: graph, changes of its text, changes of the text of pivot-planes.yaml, parameters.
 BARE = ["-p", "detail=false", "-p", "energy=0"]
+KEPT = "marked: light.marked, when: $detail"
+
+
+def planes(node, setting):
+    old = f"op: {node}"
+    return [(old, f"{old}, {setting}" if node == "fuse.planes" else f"{old}\n    {setting}")]
+
+
+def residual(*settings):
+    return [(KEPT, KEPT.replace("when", ", ".join(settings) + ", when"))]
+
+
 VARIANTS = {
-    "beauty": (BEAUTY, [], []),
-    "beauty-bare": (BEAUTY, [], BARE),
-    "default": (LOBES, [], []),
-    "bare": (LOBES, [], BARE),
-    "no-detail": (LOBES, [], ["-p", "detail=false"]),
-    "no-energy": (LOBES, [], ["-p", "energy=0"]),
-    "energy-6": (LOBES, [], ["-p", "energy=6"]),
-    "energy-8": (LOBES, [], ["-p", "energy=8"]),
-    "ids": (LOBES, [("ranks: 2", "source: ids")], []),
-    "ids-bare": (LOBES, [("ranks: 2", "source: ids")], BARE),
-    "no-parts": (LOBES, [("ranks: 2", "source: none")], []),
-    "three-ranks": (LOBES, [("ranks: 2", "ranks: 3")], []),
-    "nlm": (LOBES, [], ["-p", "filter=nlm"]),
-    "every-size": (LOBES, [("op: fit.plane\n", "op: fit.plane\n    growth: 0\n")], []),
-    "growth-1": (LOBES, [("op: fit.plane\n", "op: fit.plane\n    growth: 1\n")], []),
-    "blend-min": (LOBES, [("op: fuse.planes\n", "op: fuse.planes\n    blend: min\n")], []),
-    "blend-min-bare": (LOBES, [("op: fuse.planes\n", "op: fuse.planes\n    blend: min\n")], BARE),
-    "range-mean": (LOBES, [("op: fit.plane\n", "op: fit.plane\n    range_scale: mean\n")], []),
-    "range-mean-bare": (LOBES, [("op: fit.plane\n", "op: fit.plane\n    range_scale: mean\n")], BARE),
-    "residual-1": (LOBES, [("marked: light.marked, when: $detail",
-                            "marked: light.marked, factor: 1, when: $detail")], []),
-    "residual-1.5-r2": (LOBES, [("marked: light.marked, when: $detail",
-                                 "marked: light.marked, factor: 1.5, radius: 2, when: $detail")], []),
+    "noisy": (None, [], [], []),
+    "beauty": (BEAUTY, [], [], []),
+    "default": (LOBES, [], [], []),
+    "bare": (LOBES, [], [], BARE),
+    "no-detail": (LOBES, [], [], ["-p", "detail=false"]),
+    **{f"energy-{n}": (LOBES, [], [], ["-p", f"energy={n}"]) for n in (0, 4, 8)},
+    "ids": (LOBES, [("ranks: 2", "source: ids")], [], []),
+    "no-parts": (LOBES, [("ranks: 2", "source: none")], [], []),
+    "nlm": (LOBES, [], [], ["-p", "filter=graph:nlm-image"]),
+    "every-size": (LOBES, [], planes("fit.plane", "growth: 0"), []),
+    "growth-1": (LOBES, [], planes("fit.plane", "growth: 1"), []),
+    "blend-min": (LOBES, [], planes("fuse.planes", "blend: min"), []),
+    "blend-min-bare": (LOBES, [], planes("fuse.planes", "blend: min"), BARE),
+    "range-mean": (LOBES, [], planes("fit.plane", "range_scale: mean"), []),
+    "range-mean-bare": (LOBES, [], planes("fit.plane", "range_scale: mean"), BARE),
+    "no-range": (LOBES, [], [], ["-p", "range=0"]),
+    "no-range-bare": (LOBES, [], [], ["-p", "range=0"] + BARE),
+    "no-support": (LOBES, residual("support: 0"), [], []),
+    **{f"residual-{factor}-r{radius}": (LOBES, residual(f"factor: {factor}", f"radius: {radius}"), [], [])
+       for factor in (1, 1.5, 2, 3) for radius in (0, 1, 2, 3)},
 }
 
 
@@ -92,38 +105,49 @@ def figures(image, reference, near, textured):
     kept = error <= np.quantile(error, 0.999)
     mean = [error[m & kept].mean() for m in (near, ~near, textured)]
     return (f"{error.mean():.4f} ({error[kept].mean():.4f}) near {mean[0]:.4f} else {mean[1]:.4f} "
-            f"ratio {mean[0] / mean[1]:.2f} textured {mean[2]:.4f} "
+            f"ratio {mean[0] / mean[1]:.2f} root {(mean[0] / mean[1]) ** 0.5:.2f} textured {mean[2]:.4f} "
             f"brightness {image.mean() / reference.mean():.3f}")
+
+
+def changed(file, changes, folder, name):
+    """A copy of a graph with other text; the graphs it names are still found."""
+    with open(file, encoding="utf-8") as stream:
+        text = stream.read()
+    for old, new in changes:
+        assert old in text, (file, old)
+        text = text.replace(old, new)
+    text = text.replace("graph:pivot-planes.yaml", "graph:" + PLANES)
+    with open(f"{folder}/{name}", "w", encoding="utf-8") as stream:
+        stream.write(text)
+    return f"{folder}/{name}"
 
 
 def main():
     scenes = os.path.abspath(sys.argv[1])
     build = os.path.abspath(sys.argv[2] if len(sys.argv) > 2 else "build")
     wanted = sys.argv[3:] or list(VARIANTS)
+    samples = [int(n) for n in os.environ.get("SPP", "16,64").split(",")]
     with tempfile.TemporaryDirectory() as work:
         for name in wanted:
-            graph, changes, params = VARIANTS[name]
-            with open(graph, encoding="utf-8") as file:
-                text = file.read()
-            for old, new in changes:
-                assert old in text, (name, old)
-                text = text.replace(old, new)
-            text = text.replace("graph:nlm-image.yaml",
-                                "graph:" + os.path.abspath(HERE + "/../../graphs/nlm-image.yaml"))
-            with open(work + "/graph.yaml", "w", encoding="utf-8") as file:
-                file.write(text)
-            for scene in ("cornell", "interior", "dof"):
+            graph, changes, planes_changes, params = VARIANTS[name]
+            if graph:
+                graph = changed(graph, changes, work, "graph.yaml")
+            if planes_changes:
+                params = params + ["-p", "filter=graph:" + changed(PLANES, planes_changes, work, "planes.yaml")]
+            for scene in ("cornell", "caustics", "interior", "dof"):
                 folder = scenes + "/" + scene
                 near, textured = masks(folder)
                 reference = layer(folder + "/ref.exr", "ViewLayer.Combined")
-                for spp in (64,) if "source: ids" in text else (16, 64):
+                for spp in (64,) if name == "ids" else samples:
+                    render = f"{folder}/noisy_{spp}.exr"
                     out = f"{os.environ.get('KEEP', work)}/{name}_{scene}_{spp}.exr"
-                    subprocess.run([build + "/bin/rayloom", "run", work + "/graph.yaml", "-i",
-                                    f"render={folder}/noisy_{spp}.exr", "-o", "image=" + out, "-q"]
-                                   + params, check=True, stdout=subprocess.DEVNULL,
-                                   stderr=subprocess.DEVNULL)
+                    if graph:
+                        subprocess.run([build + "/bin/rayloom", "run", graph, "-i", "render=" + render, "-o",
+                                        "image=" + out, "-q"] + params, check=True,
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+                    image = layer(out, "") if graph else layer(render, "ViewLayer.Combined")
                     print(f"{name:16s} {scene:8s} {spp:2d}",
-                          figures(layer(out, ""), reference, near, textured), flush=True)
+                          figures(image, reference, near, textured), flush=True)
 
 
 if __name__ == "__main__":

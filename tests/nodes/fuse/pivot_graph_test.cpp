@@ -202,19 +202,40 @@ TEST(PivotGraph, SkippedLobesAreNamed)
     EXPECT_FALSE(noted(report, "diffuse direct: black, skipped"));
 }
 
-TEST(PivotGraph, OtherFilters)
+/// What the graph gives for `image`, of an input made for it.
+MemoryImage run_with_filter(const Graph& graph, RunRequest request, const std::string& filter,
+                            RunReport* report = nullptr)
+{
+    if (!filter.empty()) request.params["filter"] = filter;
+    RunReport run = run_graph(graph, request, {});
+    MemoryImage image = std::move(run.images.at("image")[0]);
+    if (report) *report = std::move(run);
+    return image;
+}
+
+TEST(PivotGraph, AnyGraphIsTheFilter)
 {
     const auto render = made_up_render({}, 4);
     const MemoryImage planes = denoise(render);
-    const MemoryImage nlm = denoise(render, nullptr, {{"filter", std::string("nlm")}});
+    RunReport report;
+    const MemoryImage nlm = denoise(render, &report, {{"filter", std::string("graph:nlm-image")}});
     EXPECT_FALSE(same_bits(planes, nlm));
+    EXPECT_TRUE(noted(report, "does without 'marked', 'normal', 'boundary', 'parts'"));
+    // The default by its path, and a graph of one's own that does nothing.
+    const std::string here = (source / "graphs/pivot-planes.yaml").string();
+    EXPECT_TRUE(same_bits(planes, denoise(render, nullptr, {{"filter", "graph:" + here}})));
 
-    const Graph graph = shipped("rhf-lobes.yaml");
-    RunRequest request = made_up_request(graph, Region{0, 0, 40, 30});
-    const RunReport rhf = run_graph(graph, request, {});
-    request.params["filter"] = std::string("nlm-guided");
-    const RunReport guided = run_graph(graph, request, {});
-    EXPECT_FALSE(same_bits(rhf.images.at("image")[0], guided.images.at("image")[0]));
+    for (const char* name : {"pivot.yaml", "rhf-lobes.yaml"}) {
+        const Graph graph = shipped(name);
+        const RunRequest request = made_up_request(graph, Region{0, 0, 40, 30});
+        const bool stack = std::string(name) == "rhf-lobes.yaml";
+        const MemoryImage usual = run_with_filter(graph, request, "");
+        EXPECT_FALSE(same_bits(
+            usual, run_with_filter(graph, request, stack ? "graph:nlm-guided" : "graph:nlm-image")))
+            << name;
+        // Fed by the wrong thing: a graph of a render where one of a stack is wanted.
+        EXPECT_THROW(run_with_filter(graph, request, "graph:pivot-lobes"), GraphError) << name;
+    }
 }
 
 TEST(PivotGraph, VarianceThatIsGivenCounts)
