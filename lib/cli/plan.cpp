@@ -26,7 +26,7 @@ const char* how(const WorkItem& item, const PlannedOp& op)
     if (op.result.sink) return "written row by row";
     if (op.result.access == Access::rows) return "read row by row";
     if (op.result.access == Access::whole) return "whole image at once";
-    return item.inlined ? "tiles, inside its reader's" : "tiles";
+    return item.deep ? "whole rows" : item.inlined ? "tiles, inside its reader's" : "tiles";
 }
 
 /// One line of the table; the elements of a list that are alike share one.

@@ -2,6 +2,7 @@
 #include "rayloom/engine/engine_nodes.h"
 
 #include "rayloom/core/error.h"
+#include "rayloom/image/deep_rows.h"
 
 #include <OpenImageIO/hash.h>
 #include <OpenImageIO/imagebufalgo.h>
@@ -118,6 +119,54 @@ void MemorySink::compute(const TileContext& context) const
     if (m_image->pixels.region() != m_image->desc.data)
         m_image->pixels = ImageBuffer(m_image->desc.data, m_image->desc.channel_count());
     copy_pixels(context.input("image"), m_image->pixels.view().crop(context.region()));
+}
+
+void MemoryDeepSource::plan(PlanContext& context)
+{
+    const ImageDesc& desc = m_deep->desc;
+    bool fits = m_deep->rows.size() == static_cast<std::size_t>(desc.data.height());
+    for (const auto& row : m_deep->rows) {
+        fits = fits && row && deep_row_fits(*row, desc.data.width(), desc.channel_count());
+        if (fits) m_row_samples = std::max<std::size_t>(m_row_samples, row->first.back());
+    }
+    if (!fits) throw NodeError("the rows of a deep image in memory do not fit its description");
+    context.output("deep", desc);
+    context.access(Access::rows);
+    context.cheap();
+}
+
+std::string MemoryDeepSource::content_key(bool) const
+{
+    std::uint64_t hash = 0;
+    const auto add = [&](const auto& values) {
+        hash = OIIO::xxhash::XXH64(values.data(), std::span(values).size_bytes(), hash);
+    };
+    for (const auto& row : m_deep->rows) {
+        add(row->first);
+        for (const auto& channel : row->samples) add(channel);
+    }
+    return std::to_string(hash) + m_deep->desc.data.text();
+}
+
+void MemoryDeepSink::plan(PlanContext& context)
+{
+    const ImageDesc& desc = context.input("deep");
+    context.sink(desc.data);
+    m_deep = std::make_shared<MemoryDeep>();
+    m_deep->desc = desc;
+}
+
+void MemoryDeepSink::compute(const TileContext& context) const
+{
+    const DeepView deep = context.deep("deep");
+    const Region& wanted = context.region();
+    for (int y = wanted.y0; y < wanted.y1; ++y) {
+        const auto& row = deep.rows[static_cast<std::size_t>(y - deep.region.y0)];
+        const int x0 = wanted.x0 - deep.region.x0, x1 = wanted.x1 - deep.region.x0;
+        m_deep->rows.push_back(wanted.width() == deep.region.width()
+                                   ? row
+                                   : std::make_shared<const DeepRow>(deep_columns(*row, x0, x1)));
+    }
 }
 
 void ConstantNode::compute(const TileContext& context) const

@@ -4,7 +4,7 @@
 /// not registered; no graph file names them.
 #pragma once
 
-#include "rayloom/core/node.h"
+#include "rayloom/core/deep_node.h"
 #include "rayloom/engine/request.h"
 
 namespace rayloom
@@ -36,6 +36,36 @@ private:
     std::shared_ptr<MemoryImage> m_image;
 };
 
+/// Hands out a deep image in memory. Output port "deep".
+class MemoryDeepSource final : public DeepSource
+{
+public:
+    explicit MemoryDeepSource(std::shared_ptr<const MemoryDeep> deep) : m_deep(std::move(deep)) {}
+    void plan(PlanContext& context) override;
+    DeepRow read_deep_row(int y) const override
+    {
+        return *m_deep->rows[static_cast<std::size_t>(y - m_deep->desc.data.y0)];
+    }
+    std::size_t row_samples() const override { return m_row_samples; }
+    std::string content_key(bool thorough) const override;
+
+private:
+    std::shared_ptr<const MemoryDeep> m_deep;
+    std::size_t m_row_samples = 0;
+};
+
+/// Gathers the rows of input "deep" in memory.
+class MemoryDeepSink final : public Node
+{
+public:
+    void plan(PlanContext& context) override;
+    void compute(const TileContext& context) const override;
+    MemoryDeep take() { return std::move(*m_deep); }
+
+private:
+    std::shared_ptr<MemoryDeep> m_deep;
+};
+
 /// Fills output "image" with one value.
 class ConstantNode final : public Node
 {
@@ -57,6 +87,17 @@ public:
     void compute(const TileContext& context) const override
     {
         copy_pixels(context.input("image"), context.output("image"));
+    }
+};
+
+/// The same for a deep image.
+class DeepCopyNode final : public DeepNode
+{
+public:
+    void plan(PlanContext& context) override { context.output("image", context.input("image")); }
+    DeepRow deep_row(const TileContext& context, int y) const override
+    {
+        return context.deep("image").row(y);
     }
 };
 

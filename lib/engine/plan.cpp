@@ -153,7 +153,7 @@ void Planner::choose_inlined()
         if (wanted != 1) continue;
         const auto out = std::ranges::find_if(item.outputs, &WorkItem::Output::wanted);
         const auto s = static_cast<std::size_t>(out->stream);
-        item.inlined = uses[s] == 1 && !keep[s] && m_plan.streams[s].kind != PortKind::deep;
+        item.inlined = uses[s] == 1 && !keep[s] && !item.deep;
     }
     for (WorkItem& item : m_plan.items) choose_in_place(item, uses);
     // Without shortcuts every item makes rows of its own.
@@ -256,10 +256,13 @@ Plan::RowAccess Plan::access_of(const WorkItem& item) const
     const auto result = [&](const WorkItem& i) -> const PlanResult& {
         return ops[static_cast<std::size_t>(i.op)].result;
     };
-    if (item.source) return {Access::tiles, 1};
-    if (item.in_place < 0) return {result(item).access, result(item).row_alignment};
+    if (item.source) return {};
+    if (item.in_place < 0) {
+        const PlanResult& r = result(item);
+        return {r.access, r.row_alignment, item.deep || r.access == Access::rows};
+    }
     const Stream& read = streams[static_cast<std::size_t>(item.in_place)];
-    return {Access::rows, result(items[static_cast<std::size_t>(read.item)]).row_alignment};
+    return {Access::rows, result(items[static_cast<std::size_t>(read.item)]).row_alignment, true};
 }
 
 std::string op_title(OpRole role, const std::string& id, const std::string& op)

@@ -51,10 +51,11 @@ struct PlannedOp {
     std::string title() const { return op_title(role, id, op); }
 };
 
-/// One image that flows: an output of an op, one element of it.
+/// One image, flat or deep, that flows: an output of an op, one element of it.
 struct Stream {
     PortKind kind = PortKind::image;
     ImageDesc desc;
+    std::size_t row_samples = 0;           ///< deep: samples of its fullest row, as far as known
     int item = -1;                         ///< work item that makes it
     int output = 0;                        ///< which of the item's outputs
     std::vector<std::string> channel_keys; ///< content hash per channel
@@ -86,6 +87,7 @@ struct WorkItem {
     std::vector<Input> inputs;
     std::vector<Output> outputs;
     bool needed = false;
+    bool deep = false;    ///< its only output is deep: rows are made whole
     bool inlined = false; ///< evaluated inside its only consumer's tiles
     /// Stream of a file reader whose rows are read straight into this item's rows, which compute()
     /// then works on in place; −1: none.
@@ -103,6 +105,7 @@ struct PlannedOutput {
     std::string table_port;
     OutputBinding binding;
     bool in_memory = false;
+    bool deep = false;
 };
 
 /// A node that will not run, and why.
@@ -121,6 +124,7 @@ struct Plan {
     struct RowAccess {
         Access access = Access::tiles;
         int alignment = 1; ///< Access::rows: see PlanResult::row_alignment
+        bool whole_rows = false;
     };
     /// How the item's rows are made.
     RowAccess access_of(const WorkItem& item) const;

@@ -112,6 +112,8 @@ Value Planner::bind_input(const GraphInput& input, const InputBinding& binding)
     value.kind = input.kind == PortKind::list ? PortKind::image : input.kind;
     value.list = input.kind == PortKind::list;
     if (!binding.images.empty()) {
+        if (input.kind == PortKind::deep)
+            throw UsageError("input '" + input.name + "' takes a deep image, not flat pixels");
         if (!value.list && binding.images.size() > 1)
             throw UsageError("input '" + input.name + "' takes one image, not " +
                              std::to_string(binding.images.size()));
@@ -128,6 +130,22 @@ Value Planner::bind_input(const GraphInput& input, const InputBinding& binding)
             else
                 value.broken = true;
         }
+        return value;
+    }
+    if (binding.deep) {
+        if (input.kind != PortKind::deep)
+            throw UsageError("input '" + input.name + "' takes flat pixels, not a deep image");
+        NewOp source;
+        source.id = input.name;
+        source.name = "memory";
+        source.role = OpRole::input;
+        source.where = input.where;
+        source.node = std::make_unique<MemoryDeepSource>(binding.deep);
+        source.outputs = {{"deep", PortKind::deep, true, ""}};
+        if (auto out = add_op(std::move(source)))
+            value.streams = out->at("deep").streams;
+        else
+            value.broken = true;
         return value;
     }
     if (binding.files.empty()) {
@@ -176,7 +194,7 @@ void Planner::bind_inputs(const Graph& graph, Scope& scope)
         const auto given = m_request.inputs.find(input.name);
         Value value;
         if (given == m_request.inputs.end() ||
-            (given->second.files.empty() && given->second.images.empty())) {
+            (given->second.files.empty() && given->second.images.empty() && !given->second.deep)) {
             value.absent = true;
             value.list = input.kind == PortKind::list;
             if (input.required) missing.push_back(input.name);

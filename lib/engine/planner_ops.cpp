@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/engine/planner.h"
 
+#include "rayloom/core/deep_node.h"
 #include "rayloom/core/text.h"
 #include "rayloom/engine/engine_nodes.h"
 
@@ -44,6 +45,7 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     const std::string title = op_title(request.role, request.id, request.name);
 
     std::map<std::string, PlannedInput, std::less<>> planned;
+    std::size_t row_samples = 0; // of deep outputs: as the fullest deep input, unless a source
     for (const PortInfo& port : request.inputs) {
         PlannedInput& in = planned[port.name];
         in.kind = port.kind;
@@ -52,6 +54,7 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
         in.connected = true;
         for (const int s : argument->second.streams) {
             in.images.push_back(stream_of(s).desc);
+            row_samples = std::max(row_samples, stream_of(s).row_samples);
             if (request.crop)
                 in.images.back().data = in.images.back().data.intersect(*request.crop);
         }
@@ -83,6 +86,8 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
     } catch (...) {
         throw Error(title + ": it threw what is no exception");
     }
+    if (const auto* source = dynamic_cast<const DeepSource*>(request.node.get()))
+        row_samples = source->row_samples();
     PlanResult result = context.result();
     for (const auto& [port, descs] : result.outputs)
         for (const ImageDesc& desc : descs)
@@ -187,10 +192,14 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
                           " copy";
                 copy.name = "copy";
                 copy.where = request.where;
-                copy.node = std::make_unique<CopyNode>();
-                copy.inputs = {{"image", PortKind::image, true, ""}};
-                copy.outputs = {{"image", PortKind::image, true, ""}};
+                if (value.kind == PortKind::deep)
+                    copy.node = std::make_unique<DeepCopyNode>();
+                else
+                    copy.node = std::make_unique<CopyNode>();
+                copy.inputs = {{"image", value.kind, true, ""}};
+                copy.outputs = {{"image", value.kind, true, ""}};
                 Value from;
+                from.kind = value.kind;
                 from.streams = {source};
                 copy.arguments["image"] = from;
                 // The copy is planned after this op is in place.
@@ -218,6 +227,10 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
             Stream stream;
             stream.kind = port.kind;
             stream.desc = desc;
+            if (port.kind == PortKind::deep) {
+                stream.row_samples = row_samples;
+                item.deep = true;
+            }
             stream.item = item_index;
             stream.output = static_cast<int>(item.outputs.size());
             const int id = static_cast<int>(m_plan.streams.size());
@@ -238,6 +251,8 @@ std::optional<std::map<std::string, Value, std::less<>>> Planner::add_op(NewOp r
             item.outputs.push_back({port.name, id, false});
             value.streams.push_back(add_stream(std::move(stream)));
         }
+        if (item.deep && item.outputs.size() > 1)
+            throw Error(title + ": a node with a deep output can have no other");
         if (!item.outputs.empty() || result.sink) m_plan.items.push_back(std::move(item));
     }
     for (const PortInfo& port : request.outputs)

@@ -40,15 +40,11 @@ void check_figures_path(const std::string& output, const std::string& path)
 void Planner::add_output(const GraphOutput& declared, const OutputBinding* binding,
                          const Value& value)
 {
-    if (value.kind == PortKind::deep) {
-        problem(declared.where,
-                "output '" + declared.name +
-                    "' is a deep image; what can be written is flat images and figures "
-                    "(--pass-through copies the deep parts of a file as they are)");
-        return;
-    }
+    const bool deep = value.kind == PortKind::deep;
+    const std::string port = deep ? "deep" : "image";
     PlannedOutput out;
     out.name = declared.name;
+    out.deep = deep;
     if (binding) out.binding = *binding;
     if (value.kind == PortKind::table) {
         if (!out.binding.path.empty()) check_figures_path(declared.name, out.binding.path);
@@ -67,6 +63,7 @@ void Planner::add_output(const GraphOutput& declared, const OutputBinding* bindi
         if (value.list && !out.binding.path.empty() && value.streams.size() > 1)
             image.binding.path = numbered_path(out.binding.path, i);
         Value one;
+        one.kind = value.kind;
         one.streams = {value.streams[i]};
         const std::size_t before = m_plan.items.size();
         if (image.binding.path.empty()) {
@@ -76,9 +73,12 @@ void Planner::add_output(const GraphOutput& declared, const OutputBinding* bindi
             sink.name = "memory";
             sink.role = OpRole::output;
             sink.where = declared.where;
-            sink.node = std::make_unique<MemorySink>();
-            sink.inputs = {{"image", PortKind::image, true, ""}};
-            sink.arguments["image"] = one;
+            if (deep)
+                sink.node = std::make_unique<MemoryDeepSink>();
+            else
+                sink.node = std::make_unique<MemorySink>();
+            sink.inputs = {{port, value.kind, true, ""}};
+            sink.arguments[port] = one;
             sink.crop = m_request.roi;
             add_op(std::move(sink));
         } else {
@@ -87,9 +87,14 @@ void Planner::add_output(const GraphOutput& declared, const OutputBinding* bindi
             params["type"] = image.binding.type;
             params["compression"] = image.binding.compression;
             params["layer"] = image.binding.layer;
-            params["template"] = image.binding.pass_through_from;
-            add_node_op(OpRole::output, declared.name, "io.write", std::move(params),
-                        {{"image", one}}, declared.where, m_request.roi);
+            if (!deep)
+                params["template"] = image.binding.pass_through_from;
+            else if (!image.binding.pass_through_from.empty())
+                throw UsageError("output '" + declared.name +
+                                 "' is a deep image, and no other layers can be kept beside it; "
+                                 "write it in a run without --pass-through");
+            add_node_op(OpRole::output, declared.name, deep ? "io.write_deep" : "io.write",
+                        std::move(params), {{port, one}}, declared.where, m_request.roi);
         }
         if (m_plan.items.size() > before)
             image.sink_item = static_cast<int>(m_plan.items.size()) - 1;
@@ -117,7 +122,7 @@ void Planner::plan_outputs(const Graph& graph, Scope& scope)
                             "' cannot be made: what it comes from is not there with these inputs");
             continue;
         }
-        if (m_request.roi && value.kind == PortKind::image)
+        if (m_request.roi && value.kind != PortKind::table)
             for (const int s : value.streams)
                 if (m_plan.streams[static_cast<std::size_t>(s)]
                         .desc.data.intersect(*m_request.roi)

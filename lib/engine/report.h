@@ -44,9 +44,11 @@ struct RunReport {
     std::vector<SkipReport> skips;
     std::vector<std::string> notes;
     std::vector<std::string> written; ///< files made
-    /// Table outputs by name; images of outputs without a path (several for a list).
+    /// Table outputs by name; images and deep images of outputs without a path (several for a
+    /// list).
     std::map<std::string, std::vector<Table>, std::less<>> tables;
     std::map<std::string, std::vector<MemoryImage>, std::less<>> images;
+    std::map<std::string, std::vector<MemoryDeep>, std::less<>> deep;
 
     /// The table `--stats` prints.
     std::string text() const;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "rayloom/core/param.h"
+#include "rayloom/image/deep.h"
 #include "rayloom/image/image_desc.h"
 #include "rayloom/image/view.h"
 
@@ -28,6 +29,12 @@ struct MemoryImage {
     ImageBuffer pixels; ///< region() == desc.data, as many channels as desc names
 };
 
+/// Deep pixels in memory with their description.
+struct MemoryDeep {
+    ImageDesc desc;
+    std::vector<std::shared_ptr<const DeepRow>> rows; ///< from desc.data.y0 on, of its whole width
+};
+
 /// Copies an ImageBuf (any pixel type, not deep) into planar float. Throws InputError when the
 /// ImageBuf holds an error or no pixels.
 MemoryImage to_memory_image(const OIIO::ImageBuf& buffer);
@@ -45,10 +52,11 @@ struct InputFile {
 struct InputBinding {
     std::vector<InputFile> files;
     std::vector<std::shared_ptr<const MemoryImage>> images;
+    std::shared_ptr<const MemoryDeep> deep; ///< for an input of kind deep
     bool is_list = false; ///< several files or images, or one that is still meant as a list
 };
 
-/// Where a graph output goes. Without a path the pixels are kept (RunReport::images).
+/// Where a graph output goes. Without a path the pixels are kept (RunReport::images, deep).
 struct OutputBinding {
     std::string path;
     std::string type;              ///< "half", "float", "uint8", …; empty: as the input had

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/engine/run.h"
 
+#include "rayloom/core/deep_node.h"
 #include "rayloom/core/parallel.h"
 #include "rayloom/engine/band.h"
 #include "rayloom/engine/cache.h"
 #include "rayloom/engine/engine_nodes.h"
 #include "rayloom/image/atomic_file.h"
+#include "rayloom/image/deep_rows.h"
 #include "rayloom/image/exr_reader.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -93,7 +95,8 @@ class Runner final : public SweepVisitor
 public:
     Runner(Plan& plan, const Schedule& schedule, const RunOptions& options)
         : m_plan(plan), m_schedule(schedule), m_options(options), m_services(plan.ops.size()),
-          m_bands(plan.streams.size()), m_deep(plan.streams.size())
+          m_bands(plan.streams.size()), m_deep(plan.streams.size()),
+          m_deep_bytes(plan.streams.size())
     {
         for (OpServices& s : m_services) s.bind(options, m_failed);
         const std::vector<Region> columns = total_demand(plan, schedule.sweeps);
@@ -166,10 +169,14 @@ public:
         if (m_plan.items[index(item)].lent) return;
         for (const WorkItem::Output& out : m_plan.items[index(item)].outputs) {
             if (!out.wanted) continue;
+            if (m_plan.streams[index(out.stream)].kind == PortKind::deep) {
+                m_deep[index(out.stream)].keep(lo, hi);
+                count_deep(out.stream);
+                continue;
+            }
             Band& band = m_bands[index(out.stream)];
             const std::size_t before = band.bytes();
             band.keep(lo, hi);
-            m_deep[index(out.stream)].keep(lo, hi);
             m_bytes -= before - band.bytes();
         }
     }
@@ -215,7 +222,6 @@ private:
         if (m_options.stop.stop_requested()) throw Cancelled();
     }
     void compute_rows(const WorkItem& item, const Region& rows);
-    void compute_deep_rows(const WorkItem& item, const Region& rows);
     void compute_in_place(const WorkItem& item, const Region& rows);
     void compute_tile(const WorkItem& item, const Region& region);
     void evaluate(const WorkItem& item, const Region& region,
@@ -223,8 +229,18 @@ private:
     void call_node(const WorkItem& item, const Region& region,
                    std::span<const TileContext::Output> outputs, bool is_reduction,
                    std::span<double> sums);
+    void make_deep_rows(const WorkItem& item, const Node& node, const TileContext& context);
     void open_cache_writers(const WorkItem& item, const std::vector<Region>& columns);
     void note_progress(std::size_t pixels);
+    /// Brings the bytes of a deep stream up to date: they are known only once its rows are there.
+    void count_deep(int stream)
+    {
+        std::size_t& counted = m_deep_bytes[index(stream)];
+        m_bytes -= counted;
+        counted = m_deep[index(stream)].bytes();
+        m_bytes += counted;
+        m_peak = std::max(m_peak, m_bytes);
+    }
     void add_block(int op, std::vector<double> block);
 
     Plan& m_plan;
@@ -234,6 +250,7 @@ private:
     std::vector<OpServices> m_services;
     std::vector<Band> m_bands;
     std::vector<DeepBand> m_deep;
+    std::vector<std::size_t> m_deep_bytes; ///< of each deep stream, as counted in m_bytes
     std::size_t m_bytes = 0, m_peak = 0;
     std::atomic<std::size_t> m_done{0};
     std::size_t m_total_work = 0;
@@ -325,6 +342,8 @@ void Runner::call_node(const WorkItem& item, const Region& region,
     guarded(op, [&] {
         if (is_reduction)
             node.reduce(context, sums);
+        else if (item.deep)
+            make_deep_rows(item, node, context);
         else
             node.compute(context);
     });
@@ -335,8 +354,28 @@ void Runner::call_node(const WorkItem& item, const Region& region,
     for (ImageBuffer& buffer : scratch) m_scratch.local().give(std::move(buffer));
 }
 
+void Runner::make_deep_rows(const WorkItem& item, const Node& node, const TileContext& context)
+{
+    const WorkItem::Output& out = item.outputs.front();
+    const Stream& stream = m_plan.streams[index(out.stream)];
+    const auto* maker = dynamic_cast<const DeepNode*>(&node);
+    for (int y = context.region().y0; y < context.region().y1; ++y) {
+        check_stop();
+        DeepRow row = maker ? maker->deep_row(context, y) : node.read_deep_row(y);
+        if (!deep_row_fits(row, item.window.width(), stream.desc.channel_count()))
+            throw Error("row " + std::to_string(y) + " of deep output '" + out.port +
+                        "' does not fit its description");
+        m_deep[index(out.stream)].put(y, std::move(row));
+    }
+}
+
 void Runner::compute_tile(const WorkItem& item, const Region& region)
 {
+    if (item.deep) {
+        call_node(item, region, {}, false, {});
+        note_progress(region.pixels());
+        return;
+    }
     std::vector<TileContext::Output> outputs;
     for (const WorkItem::Output& out : item.outputs)
         if (out.wanted)
@@ -348,31 +387,8 @@ void Runner::compute_tile(const WorkItem& item, const Region& region)
     note_progress(region.pixels());
 }
 
-void Runner::compute_deep_rows(const WorkItem& item, const Region& rows)
-{
-    PlannedOp& op = op_of(item);
-    const auto start = Clock::now();
-    guarded(op, [&] {
-        for (int y = rows.y0; y < rows.y1; ++y) {
-            check_stop();
-            DeepRow row = op.node->read_deep_row(y);
-            for (const WorkItem::Output& out : item.outputs)
-                if (out.wanted) m_deep[index(out.stream)].put(y, std::move(row));
-        }
-    });
-    OpServices& services = m_services[index(item.op)];
-    services.nanoseconds +=
-        std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start).count();
-    services.pixels += rows.pixels();
-    ++services.calls;
-    note_progress(rows.pixels());
-}
-
 void Runner::compute_rows(const WorkItem& item, const Region& rows)
 {
-    const bool deep = !item.outputs.empty() &&
-                      m_plan.streams[index(item.outputs.front().stream)].kind == PortKind::deep;
-    if (deep) return compute_deep_rows(item, rows);
     // Two blocks a thread at a time: enough to decode in parallel, little to hold undecoded, and a
     // stop is noticed soon.
     const int align = m_plan.access_of(item).alignment;
@@ -425,7 +441,11 @@ void Runner::compute(const std::vector<RowTask>& batch)
             tasks.push_back({rows.item, all});
             continue;
         }
-        const int tw = m_schedule.tile_width, th = m_schedule.tile_height;
+        int tw = m_schedule.tile_width, th = m_schedule.tile_height;
+        if (item.deep) { // whole rows, and some for every thread
+            tw = all.width();
+            th = std::clamp(all.height() / (4 * m_schedule.threads), 1, th);
+        }
         for (int y = all.y0; y < all.y1; y += th)
             for (int x = all.x0; x < all.x1; x += tw)
                 tasks.push_back(
@@ -444,6 +464,10 @@ void Runner::compute(const std::vector<RowTask>& batch)
         m_failed = true;
         throw;
     }
+    for (const RowTask& rows : batch)
+        for (const WorkItem::Output& out : m_plan.items[index(rows.item)].outputs)
+            if (out.wanted && m_plan.streams[index(out.stream)].kind == PortKind::deep)
+                count_deep(out.stream);
 }
 
 // ------------------------------------------------------------------------------- ends of a sweep
@@ -637,6 +661,10 @@ RunReport run_plan(Plan& plan, const RunOptions& options)
                 write_text_file(out.binding.path, table.json() + "\n");
                 report.written.push_back(out.binding.path);
             }
+        } else if (out.in_memory && out.deep) {
+            auto& sink = dynamic_cast<MemoryDeepSink&>(
+                *plan.ops[index(plan.items[index(out.sink_item)].op)].node);
+            report.deep[out.name].push_back(sink.take());
         } else if (out.in_memory) {
             auto& sink = dynamic_cast<MemorySink&>(
                 *plan.ops[index(plan.items[index(out.sink_item)].op)].node);

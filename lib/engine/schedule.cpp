@@ -4,6 +4,7 @@
 #include "rayloom/core/error.h"
 #include "rayloom/core/text.h"
 #include "rayloom/engine/band.h"
+#include "rayloom/image/deep_rows.h"
 
 #include <tbb/info.h>
 
@@ -19,6 +20,9 @@ namespace
 /// Rows a strip has when memory is not the question: tall enough that the rows at its seams do not
 /// matter to the tiles, low enough that intermediates of a large frame stay small.
 constexpr int comfortable_strip = 256;
+/// Deep rows of a strip hold about this much where that leaves enough rows for all threads.
+constexpr std::size_t comfortable_deep_bytes = std::size_t{64} << 20;
+constexpr int least_deep_rows = 16;
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
@@ -27,15 +31,21 @@ Region shaped(const Plan& plan, const WorkItem& item, Region r)
 {
     r = r.intersect(item.window);
     if (r.empty()) return {};
-    const auto [access, a] = plan.access_of(item);
+    const auto [access, a, whole_rows] = plan.access_of(item);
     if (access == Access::whole) return item.window;
-    if (access == Access::rows) {
+    if (whole_rows) {
         const int y0 = item.window.y0;
         return Region{item.window.x0, y0 + (r.y0 - y0) / a * a, item.window.x1,
                       y0 + (r.y1 - y0 + a - 1) / a * a}
             .intersect(item.window);
     }
     return r;
+}
+
+std::size_t bytes_of_deep_row(const Stream& stream)
+{
+    return deep_row_bytes(stream.desc.data.width(), stream.desc.channel_count(),
+                          stream.row_samples);
 }
 
 class Demand
@@ -188,8 +198,9 @@ public:
         const int rows = std::max(h - l, m_capacity[index(i)] > 0 ? 0 : reserve);
         int& capacity = m_capacity[index(i)];
         if (rows > capacity) {
-            // While a band grows, old and new exist side by side.
-            m_peak = std::max(m_peak, m_bytes + item_bytes(i, rows));
+            // While a band of pixels grows, old and new exist side by side.
+            if (!m_plan.items[index(i)].deep)
+                m_peak = std::max(m_peak, m_bytes + item_bytes(i, rows));
             m_bytes += item_bytes(i, rows) - item_bytes(i, capacity);
             capacity = rows;
         }
@@ -216,10 +227,14 @@ private:
     {
         std::size_t n = 0;
         if (m_plan.items[index(i)].lent) return 0;
-        for (const WorkItem::Output& out : m_plan.items[index(i)].outputs)
-            if (out.wanted)
-                n += Band::bytes_for(m_plan.streams[index(out.stream)].desc.channel_count(),
-                                     m_columns[index(i)].width(), rows);
+        for (const WorkItem::Output& out : m_plan.items[index(i)].outputs) {
+            if (!out.wanted) continue;
+            const Stream& stream = m_plan.streams[index(out.stream)];
+            n += stream.kind == PortKind::deep
+                     ? bytes_of_deep_row(stream) * static_cast<std::size_t>(rows)
+                     : Band::bytes_for(stream.desc.channel_count(), m_columns[index(i)].width(),
+                                       rows);
+        }
         return n;
     }
 
@@ -239,7 +254,8 @@ std::size_t tile_scratch(const Plan& plan, const WorkItem& item, const Schedule&
             const WorkItem& producer = plan.items[index(plan.streams[index(s)].item)];
             if (producer.inlined && item.in_place != s)
                 n += Band::bytes_for(plan.streams[index(s)].desc.channel_count(),
-                                     schedule.tile_width, schedule.tile_height) +
+                                     item.deep ? item.window.width() : schedule.tile_width,
+                                     schedule.tile_height) +
                      tile_scratch(plan, producer, schedule);
         }
     return n;
@@ -437,11 +453,25 @@ Schedule make_schedule(const Plan& plan, const RunOptions& options)
         return schedule.peak_bytes;
     };
 
-    const int comfortable = std::max(1, (height + comfortable_strip - 1) / comfortable_strip);
+    int comfortable = std::max(1, (height + comfortable_strip - 1) / comfortable_strip);
+    int most = std::max(height / 8, comfortable);
+    std::size_t deep_row = 0;
+    for (const Stream& stream : plan.streams) {
+        const WorkItem& item = plan.items[index(stream.item)];
+        if (stream.kind == PortKind::deep && item.needed &&
+            item.outputs[index(stream.output)].wanted)
+            deep_row += bytes_of_deep_row(stream);
+    }
+    if (deep_row > 0) {
+        const std::size_t rows = std::clamp<std::size_t>(comfortable_deep_bytes / deep_row,
+                                                         least_deep_rows, comfortable_strip);
+        comfortable = std::max(comfortable, height / static_cast<int>(rows));
+        most = height;
+    }
     std::size_t least = estimate(comfortable, true);
     if (options.memory == 0 || least <= options.memory) return schedule;
     for (const bool retain : {true, false})
-        for (int strips = comfortable; strips <= std::max(height / 8, comfortable); strips *= 2) {
+        for (int strips = comfortable; strips <= most; strips *= 2) {
             const std::size_t bytes = estimate(strips, retain);
             if (bytes <= options.memory) return schedule;
             least = std::min(least, bytes);

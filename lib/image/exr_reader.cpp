@@ -4,14 +4,18 @@
 #include "rayloom/core/error.h"
 #include "rayloom/core/parallel.h"
 #include "rayloom/core/text.h"
+#include "rayloom/image/deep_rows.h"
 #include "rayloom/image/half.h"
 #include "rayloom/image/image_input.h"
 
+#include <OpenEXR/openexr_chunkio.h>
+#include <OpenEXR/openexr_context.h>
 #include <OpenImageIO/deepdata.h>
 
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <iterator>
 #include <limits>
 #include <mutex>
 
@@ -20,6 +24,7 @@ namespace rayloom
 
 namespace
 {
+constexpr std::uint64_t max_deep_bytes = std::uint64_t{1} << 40; // a block that claims more lies
 // Decoded rows held at a time: enough for every decoding thread to have blocks of its own.
 constexpr std::size_t band_bytes = std::size_t{32} << 20;
 } // namespace
@@ -303,25 +308,69 @@ DeepRow ImageReader::read_deep_row(int y) const
                     s.fail_rows(row, row + 1, "more deep samples in a row than there can be");
             }
             out.first[width] = static_cast<std::uint32_t>(total);
+            std::vector<std::vector<float>> remainders;
             for (const int c : s.selection.channels) {
                 const int dc = c - s.first_channel;
                 const bool integer = deep.channeltype(dc).basetype == OIIO::TypeDesc::UINT32;
+                if (integer) {
+                    std::vector<std::uint32_t> ids;
+                    ids.reserve(total);
+                    for (std::size_t i = 0; i < width; ++i) {
+                        const std::int64_t p = base + static_cast<std::int64_t>(i);
+                        for (int k = 0; k < deep.samples(p); ++k)
+                            ids.push_back(deep.deep_value_uint(p, dc, k));
+                    }
+                    add_id_channel(out, ids, remainders);
+                    continue;
+                }
                 std::vector<float> values;
                 values.reserve(total);
                 for (std::size_t i = 0; i < width; ++i) {
                     const std::int64_t p = base + static_cast<std::int64_t>(i);
                     for (int k = 0; k < deep.samples(p); ++k)
-                        values.push_back(integer
-                                             ? static_cast<float>(deep.deep_value_uint(p, dc, k))
-                                             : deep.deep_value(p, dc, k));
+                        values.push_back(deep.deep_value(p, dc, k));
                 }
                 out.samples.push_back(std::move(values));
             }
+            std::ranges::move(remainders, std::back_inserter(out.samples));
             s.deep_rows.push_back(std::move(out));
         }
         s.deep_decoded = {data.x0, start, data.x1, end};
     }
     return s.deep_rows[static_cast<std::size_t>(y - s.deep_decoded.y0)];
+}
+
+std::size_t ImageReader::deep_row_samples() const
+{
+    const State& s = *m_state;
+    const OIIO::ImageSpec& spec = *s.part->spec;
+    std::uint64_t sample_bytes = 0;
+    for (int c = 0; c < spec.nchannels; ++c) sample_bytes += spec.channelformat(c).size();
+    exr_context_initializer_t settings = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    settings.error_handler_fn = [](exr_const_context_t, exr_result_t, const char*) {};
+    exr_context_t context = nullptr;
+    if (exr_start_read(&context, s.file->path().c_str(), &settings) != EXR_ERR_SUCCESS) return 0;
+    const Region& data = s.part->data;
+    const int chunk = s.part->chunk_rows;
+    const int across =
+        spec.tile_width > 0 ? (data.width() + spec.tile_width - 1) / spec.tile_width : 0;
+    std::uint64_t most = 0;
+    for (int block = 0; block * chunk < data.height(); ++block) {
+        exr_chunk_info_t info{};
+        std::uint64_t bytes = 0;
+        const auto add = [&](exr_result_t result) {
+            if (result == EXR_ERR_SUCCESS) bytes += std::min(info.unpacked_size, max_deep_bytes);
+        };
+        if (across == 0)
+            add(exr_read_scanline_chunk_info(context, s.part->index, data.y0 + block * chunk,
+                                             &info));
+        for (int tile = 0; tile < across; ++tile)
+            add(exr_read_tile_chunk_info(context, s.part->index, tile, block, 0, 0, &info));
+        const int rows = std::min(chunk, data.height() - block * chunk);
+        most = std::max(most, bytes / sample_bytes / static_cast<std::uint64_t>(rows));
+    }
+    exr_finish(&context);
+    return most;
 }
 
 std::size_t ImageReader::scratch_bytes() const

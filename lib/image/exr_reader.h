@@ -34,8 +34,12 @@ public:
     /// the rows, MemoryError.
     void read(ImageView out) const;
 
-    /// One row of a deep part, over the width of the data window.
+    /// One row of a deep part, over the width of the data window. Ids keep all bits
+    /// (deep_rows.h).
     DeepRow read_deep_row(int y) const;
+    /// Samples in the fullest row of a deep part, from the sizes of its blocks; where a block has
+    /// several rows, their mean. Reads no sample. 0 when the sizes cannot be read.
+    std::size_t deep_row_samples() const;
 
     /// Memory read() holds beside the pixels it fills, for bands of whole blocks.
     std::size_t scratch_bytes() const;

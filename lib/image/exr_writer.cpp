@@ -4,6 +4,7 @@
 #include "rayloom/core/error.h"
 #include "rayloom/core/text.h"
 #include "rayloom/image/atomic_file.h"
+#include "rayloom/image/exr_output.h"
 #include "rayloom/image/exr_reader.h"
 #include "rayloom/image/half.h"
 #include "rayloom/image/renderer_map.h"
@@ -15,7 +16,6 @@
 #include <OpenEXR/ImfDeepTiledOutputPart.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
-#include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
@@ -84,86 +84,6 @@ private:
     AtomicFile* m_file;
     size_t m_size = 0;
 };
-
-// The same for OpenEXR.
-class AtomicStream final : public Imf::OStream
-{
-public:
-    explicit AtomicStream(AtomicFile& file) : OStream(file.path().c_str()), m_file(&file) {}
-    void write(const char c[], int n) override { m_file->write(c, static_cast<std::size_t>(n)); }
-    uint64_t tellp() override { return m_file->tell(); }
-    void seekp(uint64_t position) override { m_file->seek(position); }
-
-private:
-    AtomicFile* m_file;
-};
-
-bool is_exr(const std::string& path)
-{
-    return OIIO::Strutil::iends_with(path, ".exr") || OIIO::Strutil::iends_with(path, ".sxr") ||
-           OIIO::Strutil::iends_with(path, ".mxr");
-}
-
-OIIO::TypeDesc parse_type(const std::string& path, const std::string& type)
-{
-    static const std::vector<std::string> known = {"half", "float", "uint8", "uint16"};
-    if (std::find(known.begin(), known.end(), type) == known.end())
-        throw NodeError(path + ": there is no pixel type '" + type + "'" + suggestion(type, known));
-    return OIIO::TypeDesc(type);
-}
-
-// Colour is written as half where nothing else is known; data (depth, positions, histograms) keeps
-// its digits.
-OIIO::TypeDesc default_exr_type(const std::string& channel)
-{
-    static const std::array<const char*, 10> colour = {"R", "G", "B", "A", "Y",
-                                                       "r", "g", "b", "a", "alpha"};
-    const bool is_colour =
-        std::any_of(colour.begin(), colour.end(), [&](const char* c) { return channel == c; });
-    return is_colour ? OIIO::TypeHalf : OIIO::TypeFloat;
-}
-
-std::optional<OIIO::TypeDesc> source_type(const ImageDesc& desc, const std::string& channel)
-{
-    if (!desc.header) return std::nullopt;
-    const auto& names = desc.header->channelnames;
-    const auto it = std::find(names.begin(), names.end(), channel);
-    if (it == names.end()) return std::nullopt;
-    return desc.header->channelformat(static_cast<int>(it - names.begin()));
-}
-
-/// The compression `options` asks for, as EXR counts them. Throws NodeError for an unknown name.
-Imf::Compression compression_named(const WriteOptions& options)
-{
-    static const std::vector<std::string> names = {"none",  "rle", "zips", "zip",  "piz",
-                                                   "pxr24", "b44", "b44a", "dwaa", "dwab"};
-    const std::string name = options.compression.substr(0, options.compression.find(':'));
-    const auto it = std::find(names.begin(), names.end(), name);
-    if (it == names.end())
-        throw NodeError(options.path + ": there is no compression '" + name + "'" +
-                        suggestion(name, names));
-    return static_cast<Imf::Compression>(it - names.begin());
-}
-
-OIIO::TypeDesc exr_type(const ImageDesc& desc, const std::string& channel, const WriteOptions& o)
-{
-    if (!o.type.empty()) return parse_type(o.path, o.type);
-    const auto source = source_type(desc, channel);
-    // Pixels are floats by now: 32-bit integers survive as floats, small ones as halves.
-    if (!source) return default_exr_type(channel);
-    if (*source == OIIO::TypeHalf || source->size() == 1) return OIIO::TypeHalf;
-    return OIIO::TypeFloat;
-}
-
-// Header attributes that speak of the file they came from rather than of the picture.
-void drop_file_attributes(OIIO::ImageSpec& spec)
-{
-    for (const char* name :
-         {"oiio:subimages", "oiio:subimagename", "name", "view", "multiView", "oiio:BitsPerSample",
-          "openexr:chunkCount", "openexr:levelmode", "openexr:roundingmode", "openexr:lineOrder",
-          "openexr:version", "type", "chunkCount", "tiles", "oiio:SHA-1", "textureformat"})
-        spec.erase_attribute(name);
-}
 
 // Rows of `rows` as half, with counts.
 void pack_half(ConstImageView rows, int channel, int y, std::uint16_t* to, WriteCounts& counts)
@@ -260,33 +180,17 @@ struct NewFile final : Base {
 
     void make_spec(const OIIO::ImageOutput& probe)
     {
-        if (desc.header) spec = *desc.header;
-        drop_file_attributes(spec);
+        spec = header_without_channels(desc);
         const std::string source_compression = spec.get_string_attribute("compression");
         for (int i = 0; i < static_cast<int>(desc.channels.size()); ++i) kept.push_back(i);
         if (!exr && probe.supports("alpha") == 0 && desc.alpha() >= 0 && desc.channel_count() > 1)
             kept.erase(kept.begin() + desc.alpha());
-        spec.x = desc.data.x0;
-        spec.y = desc.data.y0;
-        spec.z = 0;
-        spec.width = desc.data.width();
-        spec.height = desc.data.height();
-        spec.depth = spec.full_depth = 1;
-        spec.full_x = desc.display.x0;
-        spec.full_y = desc.display.y0;
-        spec.full_width = desc.display.width();
-        spec.full_height = desc.display.height();
-        spec.tile_width = spec.tile_height = spec.tile_depth = 0;
-        spec.deep = false;
         spec.nchannels = static_cast<int>(kept.size());
-        spec.channelnames.clear();
-        spec.channelformats.clear();
-        spec.alpha_channel = spec.z_channel = -1;
         for (std::size_t i = 0; i < kept.size(); ++i) {
             const std::string& name = desc.channels[static_cast<std::size_t>(kept[i])];
             spec.channelnames.push_back(options.layer.empty() ? name : options.layer + "." + name);
             if (kept[i] == desc.alpha()) spec.alpha_channel = static_cast<int>(i);
-            if (exr) types.push_back(exr_type(desc, name, options));
+            if (exr) types.push_back(exr_type(desc, name, options.path, options.type));
         }
         if (exr) {
             for (const OIIO::TypeDesc& t : types)
@@ -298,20 +202,11 @@ struct NewFile final : Base {
             if (std::all_of(types.begin(), types.end(),
                             [&](const OIIO::TypeDesc& t) { return t == types.front(); }))
                 spec.channelformats.clear();
-            // The layers a cryptomatte manifest speaks of are not in this file.
-            std::vector<std::string> names;
-            for (const auto& p : spec.extra_attribs)
-                if (OIIO::Strutil::starts_with(p.name().string(), "cryptomatte/"))
-                    names.push_back(p.name().string());
-            const bool keeps_ids =
-                std::any_of(spec.channelnames.begin(), spec.channelnames.end(),
-                            [](const auto& n) { return OIIO::Strutil::icontains(n, "crypto"); });
-            if (!keeps_ids)
-                for (const std::string& name : names) spec.erase_attribute(name);
+            drop_orphaned_manifests(spec);
         } else {
             spec.format = plain_format();
         }
-        if (exr && !options.compression.empty()) compression_named(options);
+        if (exr && !options.compression.empty()) compression_named(options.path, options.compression);
         if (!options.compression.empty())
             spec.attribute("compression", options.compression);
         else if (exr && source_compression.empty())
@@ -575,7 +470,7 @@ struct MergedFile final : Base {
             if (there != nullptr && options.type.empty())
                 type = there->type == Imf::HALF ? Imf::HALF : Imf::FLOAT;
             else
-                type = exr_type(desc, desc.channels[i], options) == OIIO::TypeHalf ? Imf::HALF
+                type = exr_type(desc, desc.channels[i], options.path, options.type) == OIIO::TypeHalf ? Imf::HALF
                                                                                    : Imf::FLOAT;
             types.push_back(type);
             header.channels().insert(full_names[i].c_str(), Imf::Channel(type));
@@ -592,7 +487,7 @@ struct MergedFile final : Base {
             header.setTileDescription(tiles);
         }
         // Decoded once more, a lossy block would lose more: what is kept is kept exactly.
-        if (!options.compression.empty()) header.compression() = compression_named(options);
+        if (!options.compression.empty()) header.compression() = compression_named(options.path, options.compression);
         if (keeps_pixels && is_lossy(header.compression()))
             header.compression() = Imf::ZIP_COMPRESSION;
     }

@@ -177,6 +177,15 @@ Result run(const GraphObject& self, const py::dict& inputs, const py::object& ou
             request.inputs[key] = bind_input(key, value, frame);
         }
     request.outputs = bind_outputs(outputs, type, compression, frame);
+    for (const GraphOutput& output : with.graph.outputs) {
+        const auto binding = request.outputs.find(output.name);
+        const bool wanted = request.outputs.empty() || binding != request.outputs.end();
+        const bool kept = binding == request.outputs.end() || binding->second.path.empty();
+        if (wanted && kept && output.kind == PortKind::deep)
+            throw UsageError("output '" + output.name +
+                             "' is a deep image, which is written to a file: outputs={'" +
+                             output.name + "': 'deep.exr'}");
+    }
     request.params = with.params;
     if (!roi.is_none()) request.roi = to_region(roi, "roi");
     RunOptions options;

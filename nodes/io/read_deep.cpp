@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/io/layer_params.h"
+#include "rayloom/core/deep_node.h"
+#include "rayloom/image/deep_rows.h"
 #include "rayloom/image/exr_reader.h"
 
 namespace rayloom
@@ -7,7 +9,7 @@ namespace rayloom
 
 namespace
 {
-class ReadDeep final : public Node
+class ReadDeep final : public DeepSource
 {
 public:
     struct Params : LayerParams {
@@ -19,7 +21,9 @@ public:
         d.name("io.read_deep")
             .summary("Reads a deep image: any number of samples per pixel.")
             .doc(
-                "Rows of samples come in the order they are stored; nothing is merged or sorted. "
+                "Samples come in the order they are stored; nothing is merged or sorted. Ids "
+                "(32-bit "
+                "integers) keep their bits. "
                 "Layers and channels are addressed as in io.read.\n\n"
                 "Errors: a file that is missing, truncated or no image, a layer or channel it does "
                 "not have, a part that is not deep.");
@@ -48,15 +52,16 @@ outputs:
             throw InputError(m.path + ": the image is flat, not deep; read it with io.read");
         context.output("deep", m_reader->desc());
         context.access(Access::rows, m_reader->part().chunk_rows);
+        m_row_samples = m_reader->deep_row_samples();
+        // A block as the library decodes it, and the rows made of it.
+        context.scratch(2 * static_cast<std::size_t>(m_reader->part().chunk_rows) *
+                        deep_row_bytes(m_reader->desc().data.width(),
+                                       m_reader->desc().channel_count(), m_row_samples));
         context.cheap();
     }
 
-    void compute(const TileContext&) const override
-    {
-        throw Error("io.read_deep: deep rows come from read_deep_row()");
-    }
-
     DeepRow read_deep_row(int y) const override { return m_reader->read_deep_row(y); }
+    std::size_t row_samples() const override { return m_row_samples; }
 
     std::string content_key(bool thorough) const override
     {
@@ -66,6 +71,7 @@ outputs:
 private:
     Params m;
     std::optional<ImageReader> m_reader;
+    std::size_t m_row_samples = 0;
 };
 } // namespace
 

@@ -5,6 +5,7 @@
 #include "rayloom/core/registry.h"
 #include "rayloom/graph/reader.h"
 #include "tests/support/engine_nodes_for_tests.h"
+#include "tests/support/made_up_deep.h"
 #include "tests/support/made_up_input.h"
 #include "tests/support/subjects.h"
 
@@ -21,6 +22,7 @@ namespace
 /// All images of all outputs, in order, and all figures.
 struct Results {
     std::vector<MemoryImage> images;
+    std::vector<MemoryDeep> deep;
     std::map<std::string, std::vector<Table>, std::less<>> tables;
 };
 
@@ -30,6 +32,8 @@ Results run_all(const Graph& graph, const RunRequest& request, const RunOptions&
     Results results;
     for (auto& [name, list] : report.images)
         for (MemoryImage& image : list) results.images.push_back(std::move(image));
+    for (auto& [name, list] : report.deep)
+        for (MemoryDeep& deep : list) results.deep.push_back(std::move(deep));
     results.tables = std::move(report.tables);
     return results;
 }
@@ -39,6 +43,9 @@ void expect_same(const Results& a, const Results& b, const std::string& what)
     ASSERT_EQ(a.images.size(), b.images.size()) << what;
     for (std::size_t i = 0; i < a.images.size(); ++i)
         EXPECT_TRUE(same_bits(a.images[i], b.images[i])) << what << ", image " << i;
+    ASSERT_EQ(a.deep.size(), b.deep.size()) << what;
+    for (std::size_t i = 0; i < a.deep.size(); ++i)
+        EXPECT_TRUE(same_samples(a.deep[i], b.deep[i])) << what << ", deep image " << i;
     EXPECT_EQ(a.tables, b.tables) << what;
 }
 
@@ -49,6 +56,7 @@ void expect_finite(const Results& results)
             for (int c = 0; c < image.desc.channel_count(); ++c)
                 for (const float v : image.pixels.view().row_span(c, y))
                     ASSERT_TRUE(std::isfinite(v)) << "channel " << c << ", row " << y;
+    for (const MemoryDeep& deep : results.deep) ASSERT_TRUE(all_finite(deep));
 }
 
 void hold_graph(const Graph& graph, const Region& window)
@@ -91,6 +99,16 @@ void hold_graph(const Graph& graph, const Region& window)
         part.pixels = ImageBuffer(part.desc.data, part.desc.channel_count());
         copy_pixels(expected[i].pixels.view(), part.pixels.view());
         EXPECT_TRUE(same_bits(cropped[i], part)) << "crop " << roi.text();
+    }
+
+    for (std::size_t i = 0; i < all_expected.deep.size(); ++i) {
+        const Region all = all_expected.deep[i].desc.data;
+        RunRequest crop = request;
+        crop.roi = Region{all.x0 + all.width() / 3, all.y0 + all.height() / 4, all.x1, all.y1};
+        const Results part = run_all(graph, crop, {});
+        ASSERT_EQ(part.deep.size(), all_expected.deep.size());
+        EXPECT_TRUE(same_samples(part.deep[i], test::cropped(all_expected.deep[i], *crop.roi)))
+            << "crop " << crop.roi->text();
     }
 
     // The tightest budget the planner accepts.

@@ -38,6 +38,12 @@ struct Graphs {
                                       "  s: {op: transform.statistics, deep: d}\n"
                                       "outputs: {h: h, mean: s.mean, variance: s.variance}\n",
                                       "deep");
+    Graph recolor =
+        rayloom::parse_graph("rayloom: 1\nname: recolor\ninputs: {d: {kind: deep}}\n"
+                             "nodes:\n  f: {op: transform.deep_flatten, deep: d}\n"
+                             "  r: {op: transform.deep_recolor, deep: d, color: f}\n"
+                             "outputs: {deep: r, flat: f}\n",
+                             "recolor");
 };
 
 void run(const Graph& graph, const std::string& input, const std::string& path,
@@ -102,6 +108,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size)
             const std::string name = file->parts().size() > 1 ? part.name : "";
             if (part.deep) {
                 run(graphs.deep, "d", path, name);
+                run(graphs.recolor, "d", path, name);
             } else {
                 run(graphs.flat, "a", path, name);
                 run(graphs.histogram, "h", path, name);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/stress/hostile_images.h"
 
+#include "tests/support/made_up_deep.h"
 #include "tests/support/made_up_input.h"
 
 #include <algorithm>
@@ -36,16 +37,19 @@ bool holds_variance(const std::string& input) { return input.ends_with("variance
 
 HostileCase with_pixels(std::string name, Demand demand, const Region& window, PixelChange change)
 {
-    return {std::move(name), demand, [=](const Graph& graph) {
-                RunRequest request = made_up_request(graph, window);
-                change_images(request,
-                              [&](const std::string& input, std::size_t, MemoryImage& image) {
-                                  // Light times a share of 1e30 has no float to be in.
-                                  const bool given = demand == Demand::no_nan && is_share(input);
-                                  if (!counts_something(input) && !given) set_pixels(image, change);
-                              });
-                return request;
-            }};
+    return {
+        std::move(name), demand, [=](const Graph& graph) {
+            RunRequest request = made_up_request(graph, window);
+            change_images(request, [&](const std::string& input, std::size_t, MemoryImage& image) {
+                // Light times a share of 1e30 has no float to be in.
+                const bool given = demand == Demand::no_nan && is_share(input);
+                if (!counts_something(input) && !given) set_pixels(image, change);
+            });
+            for (auto& [input, binding] : request.inputs)
+                if (binding.deep)
+                    binding.deep = std::make_shared<MemoryDeep>(with_values(*binding.deep, change));
+            return request;
+        }};
 }
 
 HostileCase with_window(std::string name, const Region& window)
@@ -70,6 +74,20 @@ HostileCase with_channels(std::string name, const Region& window,
                         });
                         image = std::move(other);
                     });
+                for (auto& [input, binding] : request.inputs) {
+                    if (!binding.deep) continue;
+                    const MemoryDeep& deep = *binding.deep;
+                    const int had = deep.desc.channel_count();
+                    const auto at = [&](int c, int x, int y) {
+                        return samples_at(deep, c % had, x, y);
+                    };
+                    binding.deep = std::make_shared<MemoryDeep>(make_deep(
+                        window, channels,
+                        [&](int x, int y) { return static_cast<int>(at(0, x, y).size()); },
+                        [&](int c, int x, int y, int s) {
+                            return at(c, x, y)[static_cast<std::size_t>(s)];
+                        }));
+                }
                 return request;
             }};
 }
@@ -93,12 +111,80 @@ HostileCase with_odd_one_out(std::string name, const Region& window, const Regio
                 RunRequest odd = made_up_request(graph, other);
                 if (request.inputs.empty()) return request;
                 auto& last = std::prev(request.inputs.end())->second;
-                last.images.back() = std::prev(odd.inputs.end())->second.images.back();
+                const InputBinding& other_size = std::prev(odd.inputs.end())->second;
+                if (last.deep)
+                    last.deep = other_size.deep;
+                else
+                    last.images.back() = other_size.images.back();
                 return request;
             }};
 }
 
+/// Other numbers of samples in every deep pixel, of the values value(channel, x, y, sample).
+HostileCase with_samples(std::string name, const Region& window,
+                         const std::function<int(int, int)>& samples,
+                         const std::function<float(int, int, int, int)>& value)
+{
+    return {std::move(name), Demand::finite, [=](const Graph& graph) {
+                RunRequest request = made_up_request(graph, window);
+                for (auto& [input, binding] : request.inputs)
+                    if (binding.deep)
+                        binding.deep = std::make_shared<MemoryDeep>(
+                            make_deep(window, binding.deep->desc.channels, samples, value));
+                return request;
+            }};
+}
+
+/// Light, a covering that lets the last of ten thousand samples be seen, and a depth.
+float plain_sample(int channel, int x, int y, int sample)
+{
+    if (channel == 3) return 1e-4f * static_cast<float>((sample + x) % 3);
+    if (channel == 4) return 1.0f + 0.001f * static_cast<float>((sample * 7919) % 10007);
+    return 1e-3f * static_cast<float>((sample * 31 + x * 7 + y * 3 + channel) % 101);
+}
+
 } // namespace
+
+std::vector<HostileCase> deep_cases(int side)
+{
+    const Region window{0, 0, side, side - 6};
+    std::vector<HostileCase> cases;
+    const auto add = [&](std::string name, const std::function<int(int, int)>& samples,
+                         const std::function<float(int, int, int, int)>& value) {
+        cases.push_back(with_samples(std::move(name), window, samples, value));
+    };
+    add(
+        "deep pixels with 0 samples", [](int, int) { return 0; }, plain_sample);
+    add(
+        "deep pixels with 0 samples beside 1", [](int x, int y) { return (x + y) % 2; },
+        plain_sample);
+    add(
+        "deep pixels with 10 000 samples",
+        [](int x, int y) { return (x * 5 + y * 11) % 53 == 0 ? 10000 : 0; }, plain_sample);
+    cases.push_back(with_samples(
+        "10 000 samples in the only pixel", {-3, 7, -2, 8}, [](int, int) { return 10000; },
+        plain_sample));
+    const auto five = [](int, int) { return 5; };
+    const auto alpha = [](float a) {
+        return [a](int c, int x, int y, int s) { return c == 3 ? a : plain_sample(c, x, y, s); };
+    };
+    add("deep alpha 0 everywhere", five, alpha(0.0f));
+    add("deep alpha 1 everywhere", five, alpha(1.0f));
+    add("deep alpha above 1", five, alpha(3.0f));
+    add("deep alpha below 0", five, alpha(-1.0f));
+    add("deep alpha of denormals", five, alpha(denormal));
+    add("black deep samples", five,
+        [](int c, int x, int y, int s) { return c < 3 ? 0.0f : plain_sample(c, x, y, s); });
+    add("deep samples that cancel", five, [](int c, int x, int y, int s) {
+        return c < 3 ? (s % 2 == 0 ? 1.0f : -1.0f) : plain_sample(c, x, y, s);
+    });
+    add("one depth for all samples", five,
+        [](int c, int x, int y, int s) { return c == 4 ? 1.0f : plain_sample(c, x, y, s); });
+    add("deep samples back to front", five, [](int c, int x, int y, int s) {
+        return c == 4 ? static_cast<float>(-s) : plain_sample(c, x, y, s);
+    });
+    return cases;
+}
 
 void change_images(
     RunRequest& request,

@@ -32,6 +32,10 @@ struct HostileCase {
 /// Every kind of hostile input, on images of about `side` pixels.
 std::vector<HostileCase> hostile_cases(int side);
 
+/// Every kind of hostile deep pixels: none, ten thousand, any covering and depth. Graphs without a
+/// deep input get plain images.
+std::vector<HostileCase> deep_cases(int side);
+
 /// Replaces every image of a request by what `change` makes of a copy of it.
 void change_images(
     RunRequest& request,

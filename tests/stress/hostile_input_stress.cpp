@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every registered node, by its example, and every shipped graph on every kind of hostile input: a
 // finite picture or a typed error, and the same picture in tiles and on other numbers of threads.
+#include "rayloom/core/registry.h"
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 #include "tests/stress/hostile_images.h"
 #include "tests/stress/soak.h"
 #include "tests/support/engine_nodes_for_tests.h"
+#include "tests/support/made_up_deep.h"
 #include "tests/support/subjects.h"
 
 #include <gtest/gtest.h>
@@ -24,6 +26,7 @@ namespace
 /// What a run gave: pictures, or the error it ended with.
 struct Outcome {
     std::vector<MemoryImage> images;
+    std::vector<MemoryDeep> deep;
     std::map<std::string, std::vector<Table>, std::less<>> tables;
     std::string error;
 };
@@ -39,6 +42,8 @@ Outcome outcome_of(const Graph& graph, const RunRequest& request, int threads, i
         RunReport report = run_graph(graph, request, options);
         for (auto& [name, list] : report.images)
             for (MemoryImage& image : list) outcome.images.push_back(std::move(image));
+        for (auto& [name, list] : report.deep)
+            for (MemoryDeep& deep : list) outcome.deep.push_back(std::move(deep));
         outcome.tables = std::move(report.tables);
     } catch (const Error& e) {
         outcome.error = e.what();
@@ -59,7 +64,10 @@ bool same_value(float a, float b)
 std::string difference(const Outcome& a, const Outcome& b)
 {
     if (a.error.empty() != b.error.empty()) return "fails one way only: " + a.error + b.error;
-    if (a.images.size() != b.images.size()) return "other number of images";
+    if (a.images.size() != b.images.size() || a.deep.size() != b.deep.size())
+        return "other number of images";
+    for (std::size_t i = 0; i < a.deep.size(); ++i)
+        if (const auto same = same_samples(a.deep[i], b.deep[i]); !same) return same.message();
     for (std::size_t i = 0; i < a.images.size(); ++i) {
         const MemoryImage &p = a.images[i], &q = b.images[i];
         if (p.desc.data != q.desc.data || p.desc.channels != q.desc.channels)
@@ -122,16 +130,18 @@ bool uses(const Graph& graph, const std::map<std::string, std::string>& nodes)
                                [&](const GraphNode& n) { return nodes.contains(n.op); });
 }
 
-void hold(const Graph& graph, bool has_door)
+void hold(const Graph& graph, bool has_door, const std::vector<HostileCase>& cases)
 {
     std::size_t turn = 0;
-    for (HostileCase hostile : hostile_cases(soaking() ? 83 : 23)) {
+    for (HostileCase hostile : cases) {
         SCOPED_TRACE(hostile.name);
         if (!has_door && uses(graph, gives_nan)) hostile.demand = Demand::anything;
         const RunRequest request = hostile.request(graph);
         const Outcome whole = outcome_of(graph, request, 1, 8192, true);
         for (std::size_t i = 0; i < whole.images.size(); ++i)
             EXPECT_EQ(complaint(whole.images[i], hostile.demand, has_door), "") << "image " << i;
+        for (const MemoryDeep& deep : whole.deep)
+            if (hostile.demand == Demand::finite) EXPECT_TRUE(all_finite(deep));
         const bool nan_may_spread =
             uses(graph, spreads_nan) &&
             (hostile.demand == Demand::no_nan || (hostile.demand == Demand::confined && !has_door));
@@ -153,6 +163,8 @@ void hold(const Graph& graph, bool has_door)
     }
 }
 
+int side() { return soaking() ? 83 : 23; }
+
 std::string test_name(const ::testing::TestParamInfo<std::string>& info)
 {
     return as_test_name(info.param);
@@ -166,7 +178,7 @@ TEST_P(HostileNode, GivesAFinitePictureOrATypedError)
 {
     const Graph graph = example_graph(GetParam());
     if (touches_files(graph)) GTEST_SKIP() << "reads or writes files";
-    hold(graph, false);
+    hold(graph, false, hostile_cases(side()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Registry, HostileNode, ::testing::ValuesIn(built_in_nodes()), test_name);
@@ -180,8 +192,51 @@ TEST_P(HostileGraph, GivesAFinitePictureOrATypedError)
     Graph graph = read_graph(GetParam());
     // A file that is filtered hands on what it holds besides: its own NaN with the rest.
     std::erase_if(graph.outputs, [](const GraphOutput& o) { return o.name == "render"; });
-    hold(graph, !inner_graphs.contains(graph.name));
+    hold(graph, !inner_graphs.contains(graph.name), hostile_cases(side()));
 }
+
+std::vector<std::string> nodes_with_deep_input()
+{
+    std::vector<std::string> names = built_in_nodes();
+    std::erase_if(names, [](const std::string& name) {
+        return name.starts_with("io.") ||
+               std::ranges::none_of(Registry::instance().find(name)->inputs,
+                                    [](const PortInfo& p) { return p.kind == PortKind::deep; });
+    });
+    return names;
+}
+
+/// The node with its deep input, what it cannot do without, and all its outputs: an example may
+/// show another way to use it.
+Graph graph_of_deep_input(const NodeInfo& node)
+{
+    std::string inputs, ports, outputs;
+    for (const PortInfo& port : node.inputs) {
+        if (port.kind != PortKind::deep && !port.required) continue;
+        inputs +=
+            "  " + port.name + ": " + (port.kind == PortKind::deep ? "{kind: deep}" : "{}") + "\n";
+        ports += ", " + port.name + ": " + port.name;
+    }
+    for (const PortInfo& port : node.outputs)
+        outputs += "  " + port.name + ": n." + port.name + "\n";
+    return parse_graph("rayloom: 1\nname: deep-input\ninputs:\n" + inputs +
+                           "nodes:\n  n: {op: " + node.name + ports + "}\noutputs:\n" + outputs,
+                       node.name);
+}
+
+class HostileDeepPixels : public ::testing::TestWithParam<std::string>
+{
+};
+
+TEST_P(HostileDeepPixels, GiveAFinitePictureOrATypedError)
+{
+    const Graph graph = graph_of_deep_input(*Registry::instance().find(GetParam()));
+    hold(graph, false, deep_cases(side()));
+    hold(graph, false, hostile_cases(side()));
+}
+
+INSTANTIATE_TEST_SUITE_P(Registry, HostileDeepPixels, ::testing::ValuesIn(nodes_with_deep_input()),
+                         test_name);
 
 INSTANTIATE_TEST_SUITE_P(Shipped, HostileGraph, ::testing::ValuesIn(shipped_graphs()), test_name);
 
