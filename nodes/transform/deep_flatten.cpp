@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/transform/deep_samples.h"
+#include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
-
-#include <algorithm>
 
 namespace rayloom
 {
@@ -54,8 +53,7 @@ public:
         m_depth = deep.channel("Z");
         m_colour = deep_colour(deep);
         if (m_colour.empty()) throw NodeError("input 'deep' has no colour channel to flatten");
-        std::vector<std::string> names;
-        for (const int c : m_colour) names.push_back(deep.channels[static_cast<std::size_t>(c)]);
+        std::vector<std::string> names = channel_names(deep, m_colour);
         names.push_back(deep.channels[static_cast<std::size_t>(m_alpha)]);
         context.output("image", deep.with_channels(names));
     }

@@ -5,6 +5,7 @@
 #include "tests/image/image_files.h"
 #include "tests/support/command.h"
 #include "tests/support/engine_nodes_for_tests.h"
+#include "tests/support/folders.h"
 #include "tests/support/made_up_deep.h"
 
 #include <gmock/gmock.h>
@@ -208,7 +209,7 @@ TEST_F(Deep, DamagedInputAndFullDisksLeaveNothing)
     write("out.exr", "the earlier file");
     const CommandResult full =
         run_command({"sh", "-c", "trap '' XFSZ; ulimit -f 16; exec \"$0\" \"$@\"",
-                     std::string(RAYLOOM_BINARY_DIR) + "/bin/rayloom", "run", "same.yaml", "-i",
+                     build_folder().string() + "/bin/rayloom", "run", "same.yaml", "-i",
                      "deep=in.exr", "-o", "deep=out.exr"},
                     m_folder.path());
     EXPECT_EQ(full.exit_code, 4) << full.err;

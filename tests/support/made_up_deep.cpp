@@ -152,20 +152,25 @@ void write_deep_exr(const std::string& path, const MemoryDeep& deep,
     spec.attribute("Software", "made up");
     spec.attribute("rayloom:note", "kept");
     OIIO::DeepData data(spec);
-    for (int y = d.y0; y < d.y1; ++y)
-        for (int x = d.x0; x < d.x1; ++x) {
-            const std::int64_t pixel = static_cast<std::int64_t>(y - d.y0) * d.width() + (x - d.x0);
-            const auto n = static_cast<int>(samples_at(deep, 0, x, y).size());
-            data.set_samples(pixel, n);
-            for (int c = 0; c < spec.nchannels; ++c) {
-                const std::vector<float> values = samples_at(deep, c, x, y);
-                for (int s = 0; s < n; ++s)
-                    if (types[static_cast<std::size_t>(c)] == "uint")
-                        data.set_deep_value(pixel, c, s, ids(x, y, s));
-                    else
-                        data.set_deep_value(pixel, c, s, values[static_cast<std::size_t>(s)]);
-            }
+    const auto each_pixel = [&](const auto& visit) {
+        std::int64_t pixel = 0;
+        for (int y = d.y0; y < d.y1; ++y)
+            for (int x = d.x0; x < d.x1; ++x) visit(pixel++, x, y);
+    };
+    // Every number of samples before the first sample: afterwards each would move all that follow.
+    each_pixel([&](std::int64_t pixel, int x, int y) {
+        data.set_samples(pixel, static_cast<int>(samples_at(deep, 0, x, y).size()));
+    });
+    each_pixel([&](std::int64_t pixel, int x, int y) {
+        for (int c = 0; c < spec.nchannels; ++c) {
+            const std::vector<float> values = samples_at(deep, c, x, y);
+            for (int s = 0; s < data.samples(pixel); ++s)
+                if (types[static_cast<std::size_t>(c)] == "uint")
+                    data.set_deep_value(pixel, c, s, ids(x, y, s));
+                else
+                    data.set_deep_value(pixel, c, s, values[static_cast<std::size_t>(s)]);
         }
+    });
     const auto out = OIIO::ImageOutput::create(path);
     if (!out || !out->open(path, spec) || !out->write_deep_image(data) || !out->close())
         throw std::runtime_error(path + ": " + (out ? out->geterror() : OIIO::geterror()));

@@ -23,7 +23,7 @@ struct DeepRun {
 /// Runs `{op: …}` given as text, with input `deep` and, when there are pixels, `color`. Its first
 /// output is the result.
 inline DeepRun run_deep(const std::string& node, const MemoryDeep& deep,
-                        const MemoryImage* color = nullptr, const RunOptions& options = {},
+                        const MemoryImage* color = nullptr, const rayloom::RunOptions& options = {},
                         std::optional<Region> roi = {})
 {
     const std::string text = std::string("rayloom: 1\nname: deep-run\ninputs:\n") +

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
+#include "rayloom/image/exr_reader.h"
 #include "tests/nodes/io/io_nodes.h"
 #include "tests/support/made_up_deep.h"
 
@@ -30,10 +31,10 @@ TEST(IoWriteDeep, WritesWhatItIsGivenAndCounts)
     const TemporaryFolder folder;
     const MemoryDeep made = made_up_deep({-2, 5, 30, 40});
     const MemoryDeep deep = with_values(made, [](int c, int x, int y, float v) {
-        if (c == 0 && x == 3 && y == 30) return 1e9f;
-        return c == 4 && x == 3 && y == 30 ? std::numeric_limits<float>::infinity() : v;
+        if (c == 0 && x == 4 && y == 30) return 1e9f;
+        return c == 4 && x == 4 && y == 30 ? std::numeric_limits<float>::infinity() : v;
     });
-    const std::size_t there = samples_at(deep, 0, 3, 30).size();
+    const std::size_t there = samples_at(deep, 0, 4, 30).size();
     ASSERT_GT(there, 0u);
     const RunReport report = write_in_graph(deep, folder.file("a.exr"));
     EXPECT_EQ(report.written, std::vector<std::string>{folder.file("a.exr")});
@@ -59,8 +60,8 @@ TEST(IoWriteDeep, WritesWhatItIsGivenAndCounts)
     EXPECT_EQ(type_of("Z"), OIIO::TypeFloat);
     const ImageReader reader(file, file->select(""));
     const DeepRow row = reader.read_deep_row(30);
-    EXPECT_EQ(row.pixel(reader.desc().channel("R"), 5)[0], 65504.0f);
-    EXPECT_EQ(row.pixel(reader.desc().channel("Z"), 5)[0], std::numeric_limits<float>::infinity());
+    EXPECT_EQ(row.pixel(reader.desc().channel("R"), 6)[0], 65504.0f);
+    EXPECT_EQ(row.pixel(reader.desc().channel("Z"), 6)[0], std::numeric_limits<float>::infinity());
     EXPECT_EQ(samples_at(deep, 4, 4, 30).size(), row.pixel(0, 6).size());
 }
 
@@ -76,7 +77,7 @@ TEST(IoWriteDeep, SamplesInTheFullestRowAreKnownBeforehand)
     // Tiles: the mean of the rows of the fullest row of tiles.
     write_deep_exr(folder.file("tiled.exr"), deep, {"half", "float"}, true);
     const auto tiled = ImageFile::open(folder.file("tiled.exr"));
-    EXPECT_EQ(ImageReader(tiled, tiled->select("")).deep_row_samples(), (721u + 3 * 7) / 8);
+    EXPECT_EQ(ImageReader(tiled, tiled->select("")).deep_row_samples(), (721u + 4 * 7) / 8);
 }
 
 TEST(IoWriteDeep, NoSamplesAtAllAndALayer)
