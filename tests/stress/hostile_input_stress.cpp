@@ -140,8 +140,9 @@ void hold(const Graph& graph, bool has_door, const std::vector<HostileCase>& cas
         const Outcome whole = outcome_of(graph, request, 1, 8192, true);
         for (std::size_t i = 0; i < whole.images.size(); ++i)
             EXPECT_EQ(complaint(whole.images[i], hostile.demand, has_door), "") << "image " << i;
-        if (hostile.demand == Demand::finite)
+        if (hostile.demand == Demand::finite) {
             for (const MemoryDeep& deep : whole.deep) EXPECT_TRUE(all_finite(deep));
+        }
         const bool nan_may_spread =
             uses(graph, spreads_nan) &&
             (hostile.demand == Demand::no_nan || (hostile.demand == Demand::confined && !has_door));

@@ -256,7 +256,8 @@ TEST(TransformDeepRecolor, RefusesWhatDoesNotFit)
     const MemoryDeep deep = make_deep(window, {"R", "G", "B", "A", "Z"}, one, half);
     const MemoryDeep no_alpha = make_deep(window, {"R", "G", "B", "Z"}, one, half);
     const auto gray = [](int, int, int) { return 0.5f; };
-    EXPECT_NE(message(deep, color_of({0, 0, 8, 9}, gray)).find("data window"), std::string::npos)
+    EXPECT_NE(message(deep, color_of({0, 0, 8, 9}, gray)).find("must cover the same pixels"),
+              std::string::npos)
         << message(deep, color_of({0, 0, 8, 9}, gray));
     EXPECT_NE(message(no_alpha, color_of(window, gray)).find("no alpha channel (A)"),
               std::string::npos);
