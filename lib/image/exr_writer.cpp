@@ -206,7 +206,8 @@ struct NewFile final : Base {
         } else {
             spec.format = plain_format();
         }
-        if (exr && !options.compression.empty()) compression_named(options.path, options.compression);
+        if (exr && !options.compression.empty())
+            compression_named(options.path, options.compression);
         if (!options.compression.empty())
             spec.attribute("compression", options.compression);
         else if (exr && source_compression.empty())
@@ -470,8 +471,10 @@ struct MergedFile final : Base {
             if (there != nullptr && options.type.empty())
                 type = there->type == Imf::HALF ? Imf::HALF : Imf::FLOAT;
             else
-                type = exr_type(desc, desc.channels[i], options.path, options.type) == OIIO::TypeHalf ? Imf::HALF
-                                                                                   : Imf::FLOAT;
+                type =
+                    exr_type(desc, desc.channels[i], options.path, options.type) == OIIO::TypeHalf
+                        ? Imf::HALF
+                        : Imf::FLOAT;
             types.push_back(type);
             header.channels().insert(full_names[i].c_str(), Imf::Channel(type));
         }
@@ -487,7 +490,8 @@ struct MergedFile final : Base {
             header.setTileDescription(tiles);
         }
         // Decoded once more, a lossy block would lose more: what is kept is kept exactly.
-        if (!options.compression.empty()) header.compression() = compression_named(options.path, options.compression);
+        if (!options.compression.empty())
+            header.compression() = compression_named(options.path, options.compression);
         if (keeps_pixels && is_lossy(header.compression()))
             header.compression() = Imf::ZIP_COMPRESSION;
     }

@@ -7,6 +7,7 @@
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 #include "tests/oracle/plain_nodes.h"
+#include "tests/support/made_up_deep.h"
 #include "tests/support/made_up_input.h"
 #include "tests/support/subjects.h"
 
@@ -55,6 +56,19 @@ std::shared_ptr<const MemoryImage> enlarged(const MemoryImage& small, int width,
     return large;
 }
 
+/// The same for deep pixels: rows that come again.
+std::shared_ptr<const MemoryDeep> deep_of_size(int width, int height)
+{
+    constexpr int made = 200;
+    const MemoryDeep small = test::made_up_deep(Region{0, 0, width, made});
+    auto large = std::make_shared<MemoryDeep>();
+    large->desc = small.desc;
+    large->desc.data = large->desc.display = Region{0, 0, width, height};
+    for (int y = 0; y < height; ++y)
+        large->rows.push_back(small.rows[static_cast<std::size_t>(y % made)]);
+    return large;
+}
+
 void state_work(benchmark::State& state, const oracle::NodeWork& work)
 {
     state.counters["flops_per_pixel"] = work.flops;
@@ -65,8 +79,10 @@ void run(benchmark::State& state, const Graph& graph, const oracle::NodeWork* wo
 {
     const int width = static_cast<int>(state.range(0)), height = static_cast<int>(state.range(1));
     RunRequest request = test::made_up_request(graph, Region{0, 0, 320, 200});
-    for (auto& [name, input] : request.inputs)
+    for (auto& [name, input] : request.inputs) {
         for (auto& image : input.images) image = enlarged(*image, width, height);
+        if (input.deep) input.deep = deep_of_size(width, height);
+    }
     RunOptions options;
     options.threads = static_cast<int>(state.range(2));
     // The first runs pay for pages that the next ones find. Where a node moves more than it
