@@ -29,22 +29,6 @@ using ::testing::Not;
 
 const char* const same = "rayloom: 1\nname: same\ninputs: {deep: {kind: deep}}\n"
                          "outputs: {deep: deep}\n";
-/// As in docs/images.md.
-const char* const recolor = R"(rayloom: 1
-name: deep-recolor
-doc: Denoises a deep render by its flat one with a ray histogram.
-inputs:
-  deep: {doc: deep render, kind: deep}
-  histogram: {doc: ray histogram of the same frame}
-nodes:
-  flat: {op: transform.deep_flatten, deep: deep}
-  color: {op: oiio.channels, image: flat, channels: [R, G, B]}
-  denoised: {op: graph:ray-histogram-fusion.yaml, color: color, histogram: histogram}
-  recolored: {op: transform.deep_recolor, deep: deep, color: denoised}
-outputs:
-  deep: recolored
-  image: denoised
-)";
 const std::vector<std::string> mixed = {"half", "half", "float", "half", "float", "uint"};
 
 class Deep : public ::testing::Test
@@ -246,7 +230,6 @@ TEST_F(Deep, AStopLeavesNothing)
 
 TEST_F(Deep, ADenoisedFlatRenderRecoloursTheDeepOne)
 {
-    write("recolor.yaml", recolor);
     const MemoryDeep deep = made_up_deep(window);
     write_deep_exr(file("in.exr"), deep, {"float", "float", "float", "float", "float"});
     // A histogram of the flattened deep image's own colours.
@@ -256,12 +239,12 @@ TEST_F(Deep, ADenoisedFlatRenderRecoloursTheDeepOne)
     const CommandResult h =
         run({"run", "histogram.yaml", "-i", "deep=in.exr", "-o", "histogram=h.exr"});
     ASSERT_EQ(h.exit_code, 0) << h.err;
-    const CommandResult planned = run({"plan", "recolor.yaml", "-i", "deep=in.exr", "-i",
+    const CommandResult planned = run({"plan", "deep-recolor", "-i", "deep=in.exr", "-i",
                                        "histogram=h.exr", "-o", "deep=out.exr"});
     EXPECT_EQ(planned.exit_code, 0) << planned.err;
-    EXPECT_EQ(run({"picture", "recolor.yaml"}).exit_code, 0);
+    EXPECT_EQ(run({"picture", "deep-recolor"}).exit_code, 0);
     const CommandResult r =
-        run({"run", "recolor.yaml", "-i", "deep=in.exr", "-i", "histogram=h.exr", "-o",
+        run({"run", "deep-recolor", "-i", "deep=in.exr", "-i", "histogram=h.exr", "-o",
              "deep=out.exr", "-o", "image=flat.exr", "--type", "float", "--stats"});
     ASSERT_EQ(r.exit_code, 0) << r.err;
     write("flatten.yaml",

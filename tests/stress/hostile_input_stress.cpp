@@ -8,6 +8,7 @@
 #include "tests/stress/soak.h"
 #include "tests/support/engine_nodes_for_tests.h"
 #include "tests/support/made_up_deep.h"
+#include "tests/support/made_up_input.h"
 #include "tests/support/subjects.h"
 
 #include <gtest/gtest.h>
@@ -232,6 +233,8 @@ class HostileDeepPixels : public ::testing::TestWithParam<std::string>
 TEST_P(HostileDeepPixels, GiveAFinitePictureOrATypedError)
 {
     const Graph graph = graph_of_deep_input(*Registry::instance().find(GetParam()));
+    const RunRequest plain = made_up_request(graph, {0, 0, side(), side()});
+    ASSERT_EQ(outcome_of(graph, plain, 1, 0, true).error, "") << "nothing would be tried";
     hold(graph, false, deep_cases(side()));
     hold(graph, false, hostile_cases(side()));
 }
