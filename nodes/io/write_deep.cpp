@@ -44,7 +44,7 @@ outputs:
   color: color
 )");
         d.input("deep", "the deep pixels to write").deep();
-        d.param("path", &Params::path, "EXR file to write").required();
+        d.param("path", &Params::path, "EXR file to write").path().required();
         d.param("layer", &Params::layer, "layer to write the channels under; empty: plain names");
         d.param("type", &Params::type,
                 "pixel type: half or float; empty: each channel as its source had. Ids stay "
