@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Damaged EXR files behind every way a graph reads them: layers, histograms, deep samples. Whole
-// fields of the header and whole pixel values are changed, not only bits, so that most files are
-// still read.
+// Damaged EXR files behind every way a graph reads them: layers, histograms, covariances, deep
+// samples. Whole fields of the header and whole pixel values are changed, not only bits, so that
+// most files are still read.
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 #include "rayloom/image/exr_reader.h"
@@ -33,6 +33,13 @@ struct Graphs {
                              "nodes: {n: {op: fuse.histogram, image: h, histogram: h, window: 3}}\n"
                              "outputs: {image: n}\n",
                              "histogram");
+    // A renderer's covariance stands where a variance does.
+    Graph covariance = rayloom::parse_graph(
+        "rayloom: 1\nname: covariance\ninputs: {c: {channels: any}}\n"
+        "nodes:\n  i: {op: threshold.interval, mean: c, variance: c, samples: 16}\n"
+        "  r: {op: fuse.residual, image: i.low, original: i.high, variance: i.variance}\n"
+        "outputs: {image: r}\n",
+        "covariance");
     Graph deep = rayloom::parse_graph("rayloom: 1\nname: deep\ninputs: {d: {kind: deep}}\n"
                                       "nodes:\n  h: {op: transform.histogram, deep: d, bins: 4}\n"
                                       "  s: {op: transform.statistics, deep: d}\n"
@@ -92,6 +99,22 @@ void put(std::uint8_t* data, std::size_t size, std::size_t at, T value)
     if (at + sizeof(T) <= size) std::memcpy(data + at, &value, sizeof(T));
 }
 
+/// The first byte after the name of each channel of a list: type, linearity, sampling.
+std::vector<std::size_t> channels_of(const std::uint8_t* data, const Attribute& list)
+{
+    constexpr std::size_t fields = 16;
+    std::vector<std::size_t> found;
+    std::size_t at = list.begin;
+    const std::size_t end = list.begin + list.size;
+    while (at < end && data[at] != 0) {
+        while (at < end && data[at] != 0) ++at;
+        if (at + 1 + fields > end) break;
+        found.push_back(at + 1);
+        at += 1 + fields;
+    }
+    return found;
+}
+
 } // namespace
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size)
@@ -112,6 +135,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size)
             } else {
                 run(graphs.flat, "a", path, name);
                 run(graphs.histogram, "h", path, name);
+                run(graphs.covariance, "c", path, name);
             }
         }
     });
@@ -132,7 +156,8 @@ std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::s
     const std::vector<Attribute> header = attributes(data, size);
     const std::size_t pixels =
         header.empty() ? 0 : std::min(size, header.back().begin + header.back().size + 1);
-    for (std::size_t n = 1 + below(3); n > 0 && size > 8; --n) switch (below(6)) {
+    if (LLVMFuzzerMutate && below(8) == 0) return LLVMFuzzerMutate(data, size, max_size);
+    for (std::size_t n = 1 + below(3); n > 0 && size > 8; --n) switch (below(9)) {
         case 0: // a field of the header, as what it is
         case 1: {
             if (header.empty()) break;
@@ -153,6 +178,31 @@ std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::s
             if (pixels < size)
                 put(data, size, pixels + (below(size - pixels) & ~std::size_t{3}),
                     real[below(real.size())]);
+            break;
+        case 5: // how a channel is stored: its type, its sampling, the end of its name
+            for (const Attribute& a : header) {
+                if (a.type != "chlist") continue;
+                const std::vector<std::size_t> list = channels_of(data, a);
+                if (list.empty()) break;
+                const std::size_t at = list[below(list.size())];
+                if (below(3) == 0)
+                    put(data, size, at, static_cast<std::int32_t>(below(4)));
+                else if (below(2) == 0)
+                    put(data, size, at + 8 + 4 * below(2), whole[below(whole.size())]);
+                else
+                    data[at - 2] = static_cast<std::uint8_t>("RGBAYZ019_."[below(11)]);
+            }
+            break;
+        case 6: // compression, order of lines, what kind of file it is
+            for (const Attribute& a : header)
+                if ((a.type == "compression" || a.type == "lineOrder") && below(2) == 0)
+                    data[a.begin] = static_cast<std::uint8_t>(below(11));
+            if (below(4) == 0) data[5] ^= static_cast<std::uint8_t>(2u << below(4));
+            break;
+        case 7: // where a row or tile begins, or how long it says it is
+            if (pixels < size)
+                put(data, size, pixels + 4 * below(std::min<std::size_t>(64, (size - pixels) / 4)),
+                    whole[below(whole.size())]);
             break;
         default: data[below(size)] ^= static_cast<std::uint8_t>(1u << below(8));
         }

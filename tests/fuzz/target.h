@@ -17,6 +17,9 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 /// Targets that know the structure of their input change it themselves; weak elsewhere.
 std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t max_size,
                                     unsigned seed);
+/// libFuzzer's own changes; absent elsewhere.
+__attribute__((weak)) std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size,
+                                                   std::size_t max_size);
 }
 
 namespace rayloom::fuzz
