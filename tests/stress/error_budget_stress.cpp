@@ -10,13 +10,13 @@
 #include "tests/oracle/nlm.h"
 #include "tests/oracle/posterior_mean.h"
 #include "tests/oracle/steerable.h"
+#include "tests/stress/error_budget.h"
 #include "tests/stress/soak.h"
 #include "tests/support/plane_scene.h"
 #include "tests/support/run_node.h"
 
 #include <gtest/gtest.h>
 
-#include <cfloat>
 #include <cmath>
 #include <cstdio>
 #include <fstream>
@@ -27,42 +27,8 @@ namespace rayloom::test
 namespace
 {
 
+using namespace budget;
 const std::vector<std::string> rgb{"R", "G", "B"};
-
-/// Largest error so far.
-class Error
-{
-public:
-    /// `scale`: what the error is measured against; 0 means the true value itself.
-    explicit Error(double scale = 0.0) : m_scale(scale) {}
-    void add(double value, double truth)
-    {
-        const double against =
-            m_scale > 0.0 ? m_scale : std::max(std::fabs(truth), double(FLT_MIN));
-        m_worst = std::max(m_worst, std::fabs(value - truth) / against);
-        int exponent = 0;
-        std::frexp(against, &exponent);
-        m_ulp =
-            std::max(m_ulp, std::fabs(value - truth) / std::ldexp(1.0, exponent - FLT_MANT_DIG));
-        if (!std::isfinite(value)) m_worst = INFINITY;
-    }
-    double relative() const { return m_worst; }
-    double ulp() const { return m_ulp; }
-
-private:
-    double m_scale, m_worst = 0.0, m_ulp = 0.0;
-};
-
-struct Entry {
-    std::string kernel, input, against;
-    Error error;
-    double bound;
-    std::string reason;
-};
-
-using Table = std::vector<Entry>;
-const char* const itself = "value";
-const char* const largest = "largest value";
 
 // ------------------------------------------------------------------------------- statistics
 
@@ -410,6 +376,7 @@ TEST(ErrorBudget, EachKernelIsWithinItsBound)
     coring(table);
     steerable(table);
     pyramid(table);
+    add_node_entries(table);
     for (const Entry& e : table)
         EXPECT_LE(e.error.relative(), e.bound) << e.kernel << ", " << e.input;
     const char* file = std::getenv("RAYLOOM_NUMBERS");
