@@ -117,11 +117,6 @@ std::string complaint(const MemoryImage& image, Demand demand, bool of_graph)
 const std::map<std::string, std::string> gives_nan{
     {"oiio.pow", "a root of a negative number is none, as in oiiotool"}};
 
-/// Nodes in which NaN reaches farther in one tiling than in another, and why.
-const std::map<std::string, std::string> spreads_nan{
-    {"fuse.nlm", "a weight of zero is multiplied, not left out, for speed; its graphs have "
-                 "threshold.sanitize at the door, and squares that overflow make NaN inside"}};
-
 /// Graphs that are nodes of others, which have the door.
 const std::set<std::string> inner_graphs{"nlm-first-step", "nlm-image"};
 
@@ -144,14 +139,10 @@ void hold(const Graph& graph, bool has_door, const std::vector<HostileCase>& cas
         if (hostile.demand == Demand::finite) {
             for (const MemoryDeep& deep : whole.deep) EXPECT_TRUE(all_finite(deep));
         }
-        const bool nan_may_spread =
-            uses(graph, spreads_nan) &&
-            (hostile.demand == Demand::no_nan || (hostile.demand == Demand::confined && !has_door));
         const auto hold_same = [&](int threads, int tile, bool skip) {
             const Outcome other = outcome_of(graph, request, threads, tile, skip);
             // Without shortcuts branches run that nobody needs, and refuse what they cannot do.
             if (!skip && whole.error.empty() && !other.error.empty()) return;
-            if (nan_may_spread) return;
             EXPECT_EQ(difference(other, whole), "")
                 << threads << " threads, tiles of " << tile << (skip ? "" : ", no shortcuts");
         };
