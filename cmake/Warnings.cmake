@@ -11,6 +11,6 @@ if(RAYLOOM_WERROR)
 endif()
 if(RAYLOOM_SANITIZE)
   target_compile_options(rayloom_warnings INTERFACE
-    -fsanitize=${RAYLOOM_SANITIZE} -fno-omit-frame-pointer -g)
+    -fsanitize=${RAYLOOM_SANITIZE} -fno-omit-frame-pointer -g1)
   target_link_options(rayloom_warnings INTERFACE -fsanitize=${RAYLOOM_SANITIZE})
 endif()
