@@ -59,6 +59,16 @@ TEST(FusePlanes, OracleBlendMaxOneColour)
     expect_like_oracle(noisy_scene({0, 0, 26, 23}, 1, 0.3f, 8), true);
 }
 
+TEST(FusePlanes, PixelsWithoutNormalsAreAveragedAmongThemselves)
+{
+    PlaneScene scene = noisy_scene({0, 0, 28, 24}, 3, 0.2f, 4);
+    scene.parts.reset();
+    for (int c = 0; c < 3; ++c)
+        for (int y = 0; y < 24; ++y)
+            for (int x = 0; x < 14; ++x) scene.normal->view().at(c, x, y) = 0.0f;
+    expect_like_oracle(scene, false);
+}
+
 TEST(FusePlanes, LinearLightComesBack)
 {
     const auto plane = [](int c, int x, int y) {
