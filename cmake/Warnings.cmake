@@ -3,7 +3,7 @@
 add_library(rayloom_warnings INTERFACE)
 target_compile_options(rayloom_warnings INTERFACE
   -Wall -Wextra -Wshadow -Wconversion
-  -Wno-restrict            # false alarms on std::string in g++ 12 (GCC bug 105651)
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict> # false alarms on std::string in g++ 12 (GCC bug 105651)
   -ffp-contract=off        # the same bits on every SIMD target
   -march=x86-64-v2)        # wider targets are chosen at run time
 if(RAYLOOM_WERROR)
