@@ -4,6 +4,7 @@
 #include <bit>
 
 #if defined(__x86_64__)
+#include <cpuid.h>
 #include <immintrin.h>
 #endif
 
@@ -60,7 +61,12 @@ std::uint16_t one_to_half(float value, HalfCounts& counts)
 #if defined(__x86_64__)
 bool has_f16c()
 {
-    static const bool yes = __builtin_cpu_supports("f16c") && __builtin_cpu_supports("avx");
+    // Clang has no name for F16C to ask by. AVX answers for the operating system too.
+    static const bool yes = [] {
+        unsigned a = 0, b = 0, c = 0, d = 0;
+        return __get_cpuid(1, &a, &b, &c, &d) != 0 && (c & bit_F16C) != 0 &&
+               __builtin_cpu_supports("avx");
+    }();
     return yes;
 }
 
