@@ -45,12 +45,11 @@ struct Graphs {
                                       "  s: {op: transform.statistics, deep: d}\n"
                                       "outputs: {h: h, mean: s.mean, variance: s.variance}\n",
                                       "deep");
-    Graph recolor =
-        rayloom::parse_graph("rayloom: 1\nname: recolor\ninputs: {d: {kind: deep}}\n"
-                             "nodes:\n  f: {op: transform.deep_flatten, deep: d}\n"
-                             "  r: {op: transform.deep_recolor, deep: d, color: f}\n"
-                             "outputs: {deep: r, flat: f}\n",
-                             "recolor");
+    Graph recolor = rayloom::parse_graph("rayloom: 1\nname: recolor\ninputs: {d: {kind: deep}}\n"
+                                         "nodes:\n  f: {op: transform.deep_flatten, deep: d}\n"
+                                         "  r: {op: transform.deep_recolor, deep: d, color: f}\n"
+                                         "outputs: {deep: r, flat: f}\n",
+                                         "recolor");
 };
 
 void run(const Graph& graph, const std::string& input, const std::string& path,
