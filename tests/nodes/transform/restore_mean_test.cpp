@@ -62,6 +62,29 @@ std::vector<double> spread(const Region& window, std::vector<double> in, int sca
     return in;
 }
 
+TEST(RestoreMean, EachColourIsRestoredByItsOwnReference)
+{
+    const Region window{0, 0, 23, 17};
+    const auto colours = [&](unsigned seed) {
+        std::mt19937 random(seed);
+        std::exponential_distribution<float> value(1.0f);
+        return make_image(window, {"R", "G", "B"}, [&](int, int, int) { return value(random); });
+    };
+    const TestImage image = colours(1), reference = colours(2);
+    const NodeRun all = restore(image, reference, 3);
+    for (int c = 0; c < 3; ++c) {
+        const auto one = [&](const TestImage& from) {
+            return make_image(window, {"R"},
+                              [&](int, int x, int y) { return from.view().at(c, x, y); });
+        };
+        const NodeRun alone = restore(one(image), one(reference), 3);
+        for (int y = window.y0; y < window.y1; ++y)
+            for (int x = window.x0; x < window.x1; ++x)
+                ASSERT_EQ(all.image().view().at(c, x, y), alone.image().view().at(0, x, y))
+                    << c << " " << x << " " << y;
+    }
+}
+
 TEST(RestoreMean, FollowsItsDefinition)
 {
     for (const Region& window : {Region{-4, 2, 27, 21}, Region{0, 0, 1, 13}, Region{3, 3, 4, 4}}) {
