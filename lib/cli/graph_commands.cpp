@@ -89,7 +89,7 @@ int check(const std::vector<std::string>& files, bool json)
                 continue;
             }
             std::cout << file << ": a graph of " << graph.nodes.size()
-                      << " nodes, no mistake found\n";
+                      << (graph.nodes.size() == 1 ? " node" : " nodes") << ", no mistake found\n";
         } catch (const Error& e) {
             std::cerr << e.what() << "\n";
             exit_code = std::max(exit_code, e.exit_code());

@@ -30,6 +30,7 @@ struct RunArguments {
 bool up_to_date(const RunRequest& request)
 {
     namespace fs = std::filesystem;
+    if (request.outputs.empty()) return false; // what nodes of the graph write is not known here
     std::error_code status;
     fs::file_time_type oldest = fs::file_time_type::max();
     for (const auto& [name, output] : request.outputs) {
@@ -47,13 +48,11 @@ bool up_to_date(const RunRequest& request)
 
 int run(const RunArguments& arguments)
 {
-    const Graph graph = read_graph(find_graph(arguments.request.graph));
-    if (arguments.request.outputs.empty()) {
-        std::vector<std::string> names;
-        for (const GraphOutput& output : graph.outputs) names.push_back(output.name);
-        throw UsageError("nothing would be written; did you forget -o? The graph makes " +
-                         join_names(names, true));
-    }
+    Graph graph = read_graph(find_graph(arguments.request.graph));
+    std::vector<std::string> names;
+    for (const GraphOutput& output : graph.outputs) names.push_back(output.name);
+    // Without -o the files are those that nodes of the graph write.
+    if (arguments.request.outputs.empty()) graph.outputs.clear();
     const auto frames = arguments.request.frame_list();
     const std::size_t cache_bytes =
         arguments.cache_size.empty() ? usual_cache_bytes : parse_bytes(arguments.cache_size);
@@ -77,6 +76,15 @@ int run(const RunArguments& arguments)
                 options.progress = [&](double share) { progress->show(share); };
             }
             Plan plan = make_plan(graph, request, options);
+            if (plan.outputs.empty())
+                throw UsageError("nothing would be written; did you forget -o? The graph makes " +
+                                 join_names(names, true));
+            // The patterns of -o are checked before; a path inside the graph has no frame.
+            for (const PlannedOutput& out : plan.outputs)
+                if (frames.size() > 1 && !request.outputs.contains(out.name))
+                    throw UsageError(
+                        "node '" + out.name + "' would write '" + out.binding.path +
+                        "' again for every frame; make it an output and name it with -o");
             if (!arguments.quiet && i == 0)
                 for (const std::string& line : plan.channel_plan) progress->message(line);
             const RunReport report = run_plan(plan, options);

@@ -69,6 +69,10 @@ private:
     void expand_graph_node(Scope& scope, const GraphNode& node);
     void plan_outputs(const Graph& graph, Scope& scope);
     void add_output(const GraphOutput& declared, const OutputBinding* binding, const Value& value);
+    /// Nodes that write files (io.write) are ends of the run as the outputs are.
+    void add_writing_nodes();
+    /// Throws UsageError when two outputs or writing nodes name one file.
+    void refuse_shared_files() const;
 
     // Lookup
     Value lookup(const Scope& scope, const StreamReference& ref);

@@ -335,6 +335,7 @@ void Planner::expand_node(Scope& scope, const GraphNode& node)
         if (m_problems.size() != before) return std::nullopt;
         request.inputs = info->inputs;
         request.outputs = info->outputs;
+        if (info->outputs.empty()) request.crop = m_request.roi; // it writes, as an output does
         for (const auto& [key, value] : arguments) {
             Value v = value;
             if (index && value.list && info->input(key)->kind != PortKind::list) {

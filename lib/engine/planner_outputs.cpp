@@ -7,6 +7,7 @@
 #include "rayloom/image/renderer_map.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
 
 namespace rayloom::planning
@@ -132,6 +133,48 @@ void Planner::plan_outputs(const Graph& graph, Scope& scope)
                                      m_plan.streams[static_cast<std::size_t>(s)].desc.data.text() +
                                      ")");
         add_output(output, binding == m_request.outputs.end() ? nullptr : &binding->second, value);
+    }
+    add_writing_nodes();
+    refuse_shared_files();
+}
+
+void Planner::add_writing_nodes()
+{
+    for (std::size_t i = 0; i < m_plan.items.size(); ++i) {
+        const PlannedOp& op = m_plan.ops[static_cast<std::size_t>(m_plan.items[i].op)];
+        if (op.role != OpRole::node || !op.result.sink) continue;
+        PlannedOutput file;
+        file.name = op.id;
+        file.sink_item = static_cast<int>(i);
+        if (const auto path = op.params.find("path"); path != op.params.end())
+            if (const auto* text = std::get_if<std::string>(&path->second))
+                file.binding.path = *text;
+        m_plan.outputs.push_back(std::move(file));
+    }
+}
+
+void Planner::refuse_shared_files() const
+{
+    namespace fs = std::filesystem;
+    std::map<fs::path, std::string> writers;
+    for (const PlannedOutput& out : m_plan.outputs) {
+        if (out.binding.path.empty()) continue;
+        std::error_code unknown;
+        if (fs::is_other(out.binding.path, unknown)) continue; // /dev/null and its like
+        const fs::path absolute = fs::absolute(out.binding.path, unknown);
+        fs::path file = fs::weakly_canonical(absolute, unknown);
+        if (unknown) file = absolute.lexically_normal();
+        const bool node = out.sink_item >= 0 &&
+                          m_plan.ops[static_cast<std::size_t>(
+                                         m_plan.items[static_cast<std::size_t>(out.sink_item)].op)]
+                                  .role == OpRole::node;
+        const std::string title = (node ? "node '" : "output '") + out.name + "'";
+        const auto [first, fresh] = writers.emplace(file, title);
+        if (!fresh)
+            throw UsageError(first->second + " and " + title + " would both be written to '" +
+                             out.binding.path +
+                             "'; give each a file of its own (transform.merge_layers puts several "
+                             "images into one)");
     }
 }
 

@@ -669,7 +669,7 @@ RunReport run_plan(Plan& plan, const RunOptions& options)
             auto& sink = dynamic_cast<MemorySink&>(
                 *plan.ops[index(plan.items[index(out.sink_item)].op)].node);
             report.images[out.name].push_back(sink.take());
-        } else {
+        } else if (!out.binding.path.empty()) {
             report.written.push_back(out.binding.path);
         }
     }

@@ -90,6 +90,13 @@ public:
             m_pairs.push_back({from, to});
         }
         if (m_pairs.empty()) throw NodeError("input 'color' has no colour channel");
+        // Ids and the like may lie beside a colour that is new; a colour left as it was is a
+        // mistake.
+        const bool has_rgb =
+            deep.channel("R") >= 0 || deep.channel("G") >= 0 || deep.channel("B") >= 0;
+        if (has_rgb && std::ranges::none_of(
+                           m_pairs, [&](const Pair& p) { return p.to < deep.channel_count(); }))
+            throw NodeError("'deep' has a colour, but 'color' has none of its channels");
         m_had = deep.channel_count();
         m_added = names.size() - deep.channels.size();
         context.output("deep", deep.with_channels(std::move(names)));

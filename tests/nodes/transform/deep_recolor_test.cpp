@@ -263,6 +263,8 @@ TEST(TransformDeepRecolor, RefusesWhatDoesNotFit)
               std::string::npos);
     EXPECT_NE(message(deep, color_of(window, gray, {"A", "Z"})).find("no colour channel"),
               std::string::npos);
+    EXPECT_NE(message(deep, color_of(window, gray, {"Y"})).find("none of its channels"),
+              std::string::npos);
 }
 
 } // namespace
