@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "nodes/io/count_written.h"
 #include "rayloom/core/registry.h"
 #include "rayloom/image/exr_writer.h"
 
@@ -77,11 +78,7 @@ outputs:
     {
         const WriteCounts before = m_writer->counts();
         m_writer->write(context.input("image").crop(context.region()));
-        const WriteCounts& after = m_writer->counts();
-        if (const auto n = after.non_finite - before.non_finite; n > 0)
-            context.count("NaN or infinite values written", n);
-        if (const auto n = after.half_overflows - before.half_overflows; n > 0)
-            context.count("values too large for half, written as 65504", n);
+        count_written(context, before, m_writer->counts());
     }
 
     void commit() override { m_writer->commit(); }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/oracle/plain_nodes.h"
+#include "tests/oracle/restore_mean.h"
 
 #include <algorithm>
 #include <cmath>
@@ -31,25 +32,6 @@ double square_mean(const Raster<double>& like, int radius, int x, int y, const V
             ++n;
         }
     return sum / n;
-}
-
-/// [1 4 6 4 1]/16 along x and y at distances 1, 2, …, 2^(scale − 1), one after the other.
-Raster<double> spread(Raster<double> image, int scale)
-{
-    static constexpr double taps[] = {1.0, 4.0, 6.0, 4.0, 1.0};
-    for (int s = 0; s < scale; ++s) {
-        const Raster<double> in = image;
-        image = make_raster(in, in.channels, [&](int c, int x, int y) {
-            double sum = 0.0;
-            for (int j = -2; j <= 2; ++j)
-                for (int i = -2; i <= 2; ++i)
-                    sum += taps[i + 2] * taps[j + 2] / 256.0 *
-                           in.at(c, mirrored_index(x + i * (1 << s), in.width),
-                                 mirrored_index(y + j * (1 << s), in.height));
-            return sum;
-        });
-    }
-    return image;
 }
 
 /// The median of the positive values as transform.log has it: the middle of its 1/32 of an octave.
@@ -323,24 +305,8 @@ PlainResult plain_remainder(const PlainInput& in)
 
 PlainResult plain_restore_mean(const PlainInput& in)
 {
-    constexpr int scale = 3;
-    const Raster<double>&image = in.image("image"), &reference = in.image("reference");
-    const Raster<double> light = make_raster(
-        image, 3, [&](int c, int x, int y) { return std::max(image.at(c, x, y), 0.0); });
-    const Raster<double> mean = spread(light, scale);
-    const Raster<double> share =
-        spread(make_raster(image, 3,
-                           [&](int c, int x, int y) {
-                               return mean.at(c, x, y) > 1e-30
-                                          ? reference.at(c, x, y) / mean.at(c, x, y)
-                                          : 0.0;
-                           }),
-               scale);
     PlainResult out;
-    out.images["image"] = {make_raster(image, 3, [&](int c, int x, int y) {
-        const double kept = mean.at(c, x, y) > 1e-30 ? 0.0 : reference.at(c, x, y);
-        return light.at(c, x, y) * share.at(c, x, y) + kept;
-    })};
+    out.images["image"] = {restore_share(in.image("image"), in.image("reference"), 3)};
     return out;
 }
 

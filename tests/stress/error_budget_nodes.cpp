@@ -4,8 +4,10 @@
 #include "nodes/transform/log_kernel.h"
 #include "rayloom/image/border.h"
 #include "tests/oracle/nlm.h"
+#include "tests/oracle/restore_mean.h"
 #include "tests/oracle/steerable.h"
 #include "tests/stress/error_budget.h"
+#include "tests/support/raster.h"
 #include "tests/support/run_node.h"
 
 #include <boost/math/distributions/students_t.hpp>
@@ -208,55 +210,19 @@ void local_variances(Table& table)
 
 // ------------------------------------------------------------------------------- means that return
 
-/// K of an image: [1 4 6 4 1]/16 along both axes at distances 1, 2, 4 of the mirrored image.
-std::vector<double> spread(std::vector<double> in, int scale)
-{
-    const double taps[] = {1, 4, 6, 4, 1};
-    const int w = window.width(), h = window.height();
-    for (int s = 0; s < scale; ++s) {
-        std::vector<double> out(in.size(), 0.0);
-        for (int y = 0; y < h; ++y)
-            for (int x = 0; x < w; ++x)
-                for (int j = -2; j <= 2; ++j)
-                    for (int i = -2; i <= 2; ++i)
-                        out[static_cast<std::size_t>(y * w + x)] +=
-                            taps[i + 2] * taps[j + 2] / 256.0 *
-                            in[static_cast<std::size_t>(
-                                border_index(y + (j << s), 0, h, Border::mirror) * w +
-                                border_index(x + (i << s), 0, w, Border::mirror))];
-        in = out;
-    }
-    return in;
-}
-
 void restored_means(Table& table)
 {
     for (const double decades : {1.0, 8.0}) {
         const TestImage image = light(8, decades), reference = light(9, decades);
         const NodeRun run = run_node("transform.restore_mean", {{"scale", std::int64_t{3}}},
                                      {{"image", {&image}}, {"reference", {&reference}}});
-        std::vector<std::vector<double>> truth;
-        for (int c = 0; c < 3; ++c) {
-            std::vector<double> f, n;
-            for (int y = window.y0; y < window.y1; ++y)
-                for (int x = window.x0; x < window.x1; ++x) {
-                    f.push_back(pixel(image, c, x, y));
-                    n.push_back(pixel(reference, c, x, y));
-                }
-            const std::vector<double> mean = spread(f, 3);
-            for (std::size_t i = 0; i < n.size(); ++i) n[i] /= mean[i];
-            n = spread(n, 3);
-            for (std::size_t i = 0; i < n.size(); ++i) n[i] *= f[i];
-            truth.push_back(n);
-        }
+        const oracle::Raster<double> truth =
+            oracle::restore_share(to_raster(image), to_raster(reference), 3);
         table.push_back(
             {"transform.restore_mean",
              decades > 1.0 ? "light over eight decades" : "light over one decade", itself,
-             against(run.image(),
-                     [&](int c, int x, int y) {
-                         return truth[static_cast<std::size_t>(c)][static_cast<std::size_t>(
-                             (y - window.y0) * window.width() + x - window.x0)];
-                     }),
+             against(run.image(), [&](int c, int x,
+                                      int y) { return truth.at(c, x - window.x0, y - window.y0); }),
              2e-6, ""});
     }
 }

@@ -131,6 +131,16 @@ std::vector<float> samples_at(const MemoryDeep& deep, int channel, int x, int y)
     return {values.begin(), values.end()};
 }
 
+std::vector<oracle::DeepSample> samples_of(const MemoryDeep& deep, int channel, int x, int y)
+{
+    const auto values = samples_at(deep, channel, x, y), alpha = samples_at(deep, 3, x, y),
+               depth = samples_at(deep, 4, x, y);
+    std::vector<oracle::DeepSample> samples;
+    for (std::size_t s = 0; s < values.size(); ++s)
+        samples.push_back({values[s], alpha[s], depth[s]});
+    return samples;
+}
+
 void write_deep_exr(const std::string& path, const MemoryDeep& deep,
                     const std::vector<std::string>& types, bool tiled,
                     const std::function<std::uint32_t(int, int, int)>& ids)

@@ -5,6 +5,7 @@
 
 #include "rayloom/core/registry.h"
 #include "rayloom/engine/request.h"
+#include "tests/oracle/deep.h"
 
 #include <gtest/gtest.h>
 
@@ -39,6 +40,9 @@ MemoryDeep cropped(const MemoryDeep& deep, const Region& window);
 
 /// Values of one channel of a pixel.
 std::vector<float> samples_at(const MemoryDeep& deep, int channel, int x, int y);
+
+/// A pixel as the oracle takes it: one channel with the alpha and depth of made_up_deep().
+std::vector<oracle::DeepSample> samples_of(const MemoryDeep& deep, int channel, int x, int y);
 
 /// Writes a deep EXR with OpenImageIO; types by channel, ids from `ids(x, y, sample)`.
 void write_deep_exr(const std::string& path, const MemoryDeep& deep,

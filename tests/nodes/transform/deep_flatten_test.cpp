@@ -16,16 +16,6 @@ namespace
 
 const char* const flatten = "{op: transform.deep_flatten, deep: deep}";
 
-std::vector<oracle::DeepSample> samples_of(const MemoryDeep& deep, int channel, int x, int y)
-{
-    const auto values = samples_at(deep, channel, x, y), alpha = samples_at(deep, 3, x, y),
-               depth = samples_at(deep, 4, x, y);
-    std::vector<oracle::DeepSample> samples;
-    for (std::size_t s = 0; s < values.size(); ++s)
-        samples.push_back({values[s], alpha[s], depth[s]});
-    return samples;
-}
-
 TEST(TransformDeepFlatten, IsWhatTheEquationsSay)
 {
     const MemoryDeep deep = made_up_deep({-7, -3, 30, 25}, 5);

@@ -37,16 +37,6 @@ float some_color(int c, int x, int y)
     return 0.01f * static_cast<float>((x * 13 + y * 7 + c * 29 + 4000) % 211);
 }
 
-std::vector<oracle::DeepSample> samples_of(const MemoryDeep& deep, int channel, int x, int y)
-{
-    const auto values = samples_at(deep, channel, x, y), alpha = samples_at(deep, 3, x, y),
-               depth = samples_at(deep, 4, x, y);
-    std::vector<oracle::DeepSample> samples;
-    for (std::size_t s = 0; s < values.size(); ++s)
-        samples.push_back({values[s], alpha[s], depth[s]});
-    return samples;
-}
-
 /// Flattened, the recoloured image has the colours asked for, in each pixel that has samples.
 void expect_color(const MemoryDeep& recolored, const MemoryImage& color)
 {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/core/error.h"
-#include "rayloom/image/border.h"
+#include "tests/oracle/restore_mean.h"
+#include "tests/support/raster.h"
 #include "tests/support/run_node.h"
 
 #include <gtest/gtest.h>
@@ -14,10 +15,13 @@ namespace rayloom
 namespace
 {
 
+using oracle::Raster;
+using oracle::spread;
 using test::make_image;
 using test::NodeRun;
 using test::run_node;
 using test::TestImage;
+using test::to_raster;
 
 TestImage positive(const Region& window, unsigned seed)
 {
@@ -41,25 +45,16 @@ double sum(const TestImage& image)
     return total;
 }
 
-/// K of an image, straight from its definition: the kernel is applied to the mirrored image.
-std::vector<double> spread(const Region& window, std::vector<double> in, int scale)
+/// Fails the test where a pixel is further than `tolerance`·(1 + value) from what is expected.
+void expect_close(const TestImage& image, const Raster<double>& expected, double tolerance)
 {
-    const double taps[] = {1, 4, 6, 4, 1};
-    const int w = window.width(), h = window.height();
-    for (int s = 0; s < scale; ++s) {
-        std::vector<double> out(in.size(), 0.0);
-        for (int y = 0; y < h; ++y)
-            for (int x = 0; x < w; ++x)
-                for (int j = -2; j <= 2; ++j)
-                    for (int i = -2; i <= 2; ++i)
-                        out[static_cast<std::size_t>(y * w + x)] +=
-                            taps[i + 2] * taps[j + 2] / 256.0 *
-                            in[static_cast<std::size_t>(
-                                border_index(y + (j << s), 0, h, Border::mirror) * w +
-                                border_index(x + (i << s), 0, w, Border::mirror))];
-        in = out;
-    }
-    return in;
+    const Region& r = image.desc.data;
+    for (int y = r.y0; y < r.y1; ++y)
+        for (int x = r.x0; x < r.x1; ++x) {
+            const double value = expected.at(0, x - r.x0, y - r.y0);
+            ASSERT_NEAR(image.view().at(0, x, y), value, tolerance * (1.0 + value))
+                << x << "," << y;
+        }
 }
 
 TEST(RestoreMean, EachColourIsRestoredByItsOwnReference)
@@ -90,20 +85,8 @@ TEST(RestoreMean, FollowsItsDefinition)
     for (const Region& window : {Region{-4, 2, 27, 21}, Region{0, 0, 1, 13}, Region{3, 3, 4, 4}}) {
         const TestImage image = positive(window, 1), reference = positive(window, 2);
         const NodeRun run = restore(image, reference, 3);
-        std::vector<double> f, n;
-        for (int y = window.y0; y < window.y1; ++y)
-            for (int x = window.x0; x < window.x1; ++x) {
-                f.push_back(image.view().at(0, x, y));
-                n.push_back(reference.view().at(0, x, y));
-            }
-        const std::vector<double> mean = spread(window, f, 3);
-        for (std::size_t i = 0; i < n.size(); ++i) n[i] /= mean[i];
-        const std::vector<double> share = spread(window, n, 3);
-        std::size_t i = 0;
-        for (int y = window.y0; y < window.y1; ++y)
-            for (int x = window.x0; x < window.x1; ++x, ++i)
-                ASSERT_NEAR(run.image().view().at(0, x, y), f[i] * share[i],
-                            1e-5 * (1.0 + f[i] * share[i]));
+        expect_close(run.image(), oracle::restore_share(to_raster(image), to_raster(reference), 3),
+                     1e-5);
     }
 }
 
@@ -121,27 +104,26 @@ TEST(RestoreMean, BalanceFollowsItsDefinition)
         const TestImage image = positive(window, 1), reference = positive(window, 2),
                         weight = positive(window, 3);
         const NodeRun run = balance(image, reference, weight, 3);
-        std::vector<double> f, n, w, wf;
-        for (int y = window.y0; y < window.y1; ++y)
-            for (int x = window.x0; x < window.x1; ++x) {
-                f.push_back(image.view().at(0, x, y));
-                n.push_back(reference.view().at(0, x, y));
-                w.push_back(weight.view().at(0, x, y));
-                wf.push_back(w.back() * f.back());
-            }
-        const std::vector<double> mean = spread(window, wf, 3);
-        std::vector<double> share = wf;
-        for (std::size_t i = 0; i < f.size(); ++i) share[i] /= mean[i];
-        const std::vector<double> shares = spread(window, share, 3);
-        std::vector<double> lost = wf;
-        for (std::size_t i = 0; i < f.size(); ++i) lost[i] = w[i] * (n[i] - f[i]) / shares[i];
-        const std::vector<double> handed = spread(window, lost, 3);
-        std::size_t i = 0;
-        for (int y = window.y0; y < window.y1; ++y)
-            for (int x = window.x0; x < window.x1; ++x, ++i) {
-                const double expected = std::max(0.0, f[i] + f[i] / mean[i] * handed[i]);
-                ASSERT_NEAR(run.image().view().at(0, x, y), expected, 2e-5 * (1.0 + expected));
-            }
+        const Raster<double> f = to_raster(image), n = to_raster(reference), w = to_raster(weight);
+        const auto each = [&](const auto& value) {
+            Raster<double> out = f;
+            for (std::size_t i = 0; i < out.values.size(); ++i) out.values[i] = value(i);
+            return out;
+        };
+        const Raster<double> wf = each([&](auto i) { return w.values[i] * f.values[i]; });
+        const Raster<double> mean = spread(wf, 3);
+        const Raster<double> shares =
+            spread(each([&](auto i) { return wf.values[i] / mean.values[i]; }), 3);
+        const Raster<double> handed =
+            spread(each([&](auto i) {
+                       return w.values[i] * (n.values[i] - f.values[i]) / shares.values[i];
+                   }),
+                   3);
+        expect_close(run.image(), each([&](auto i) {
+                         return std::max(0.0, f.values[i] +
+                                                  f.values[i] / mean.values[i] * handed.values[i]);
+                     }),
+                     2e-5);
     }
 }
 
@@ -244,18 +226,11 @@ TEST(RestoreMean, ScalesByTheRatioOfTheMeans)
     const NodeRun run = run_node("transform.restore_mean",
                                  {{"scale", std::int64_t{2}}, {"mode", std::string("scale")}},
                                  {{"image", {&image}}, {"reference", {&reference}}});
-    std::vector<double> f, n;
-    for (int y = window.y0; y < window.y1; ++y)
-        for (int x = window.x0; x < window.x1; ++x) {
-            f.push_back(image.view().at(0, x, y));
-            n.push_back(reference.view().at(0, x, y));
-        }
-    const std::vector<double> kf = spread(window, f, 2), kn = spread(window, n, 2);
-    std::size_t i = 0;
-    for (int y = window.y0; y < window.y1; ++y)
-        for (int x = window.x0; x < window.x1; ++x, ++i)
-            ASSERT_NEAR(run.image("image").view().at(0, x, y), f[i] * kn[i] / kf[i],
-                        1e-5 * (1.0 + f[i] * kn[i] / kf[i]));
+    Raster<double> expected = to_raster(image);
+    const Raster<double> kf = spread(expected, 2), kn = spread(to_raster(reference), 2);
+    for (std::size_t i = 0; i < expected.values.size(); ++i)
+        expected.values[i] *= kn.values[i] / kf.values[i];
+    expect_close(run.image("image"), expected, 1e-5);
 }
 
 TEST(RestoreMean, AlphaPassesThrough)
