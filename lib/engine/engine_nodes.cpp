@@ -2,6 +2,7 @@
 #include "rayloom/engine/engine_nodes.h"
 
 #include "rayloom/core/error.h"
+#include "rayloom/core/parallel.h"
 #include "rayloom/image/deep_rows.h"
 
 #include <OpenImageIO/hash.h>
@@ -118,7 +119,16 @@ void MemorySink::compute(const TileContext& context) const
 {
     if (m_image->pixels.region() != m_image->desc.data)
         m_image->pixels = ImageBuffer(m_image->desc.data, m_image->desc.channel_count());
-    copy_pixels(context.input("image"), m_image->pixels.view().crop(context.region()));
+    // A strip comes on one thread; as others wait for it, they take part.
+    const ConstImageView from = context.input("image");
+    const Region& strip = context.region();
+    constexpr int rows = 32;
+    parallel_for<int>(0, (strip.height() + rows - 1) / rows, 1, [&](int i) {
+        Region part = strip;
+        part.y0 = strip.y0 + i * rows;
+        part.y1 = std::min(strip.y1, part.y0 + rows);
+        copy_pixels(from, m_image->pixels.view().crop(part));
+    });
 }
 
 void MemoryDeepSource::plan(PlanContext& context)

@@ -9,6 +9,7 @@
 #include <OpenImageIO/imagebufalgo.h>
 
 #include <algorithm>
+#include <functional>
 #include <limits>
 #include <utility>
 
@@ -191,7 +192,7 @@ Compute plan_color_map(PlanContext& context, const Arguments& arguments)
     const ImageDesc result = image.with_channels({"R", "G", "B"});
     context.output("image", result);
     const std::string map = arguments.text("map");
-    return on_imagebuf(image, result,
+    return on_imagebuf(context, image, result, std::identity(),
                        [source, map](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
                            return OIIO::ImageBufAlgo::color_map(out, in, source, map, roi, 1);
                        });

@@ -52,13 +52,20 @@ float natural_width(const std::string& name)
 
 // ---------------------------------------------------------------------------------- convolution
 
-/// Needs of a filter that reads `window` around a pixel and clamps at the display window.
+/// A filter that reads `window` around a pixel and clamps at the display window.
+Reads reads_window(const Region& window, const Region& display)
+{
+    return [window, display](const Region& region) {
+        const Region r{region.x0 + window.x0, region.y0 + window.y0, region.x1 + window.x1 - 1,
+                       region.y1 + window.y1 - 1};
+        return with_clamped_border(r, display);
+    };
+}
+
 void needs_window(PlanContext& context, const Region& window, const Region& display)
 {
-    context.needs("image", [window, display](const Need& need) {
-        const Region r{need.region.x0 + window.x0, need.region.y0 + window.y0,
-                       need.region.x1 + window.x1 - 1, need.region.y1 + window.y1 - 1};
-        return with_clamped_border(r, display);
+    context.needs("image", [reads = reads_window(window, display)](const Need& need) {
+        return reads(need.region);
     });
 }
 
@@ -164,10 +171,11 @@ auto window_filter(bool (*function)(ImageBuf&, const ImageBuf&, int, int, ROI, i
         const int height = arguments.integer("height") > 0 ? arguments.integer("height") : width;
         context.output("image", image);
         const int across = std::max(1, width / 2), down = std::max(1, height / 2);
-        needs_window(context, {-across, -down, across + 1, down + 1}, image.display);
-        return on_imagebuf(image, image, [=](ImageBuf& result, const ImageBuf& in, const ROI& roi) {
-            return function(result, in, width, height, roi, 1);
-        });
+        return on_imagebuf(context, image, image,
+                           reads_window({-across, -down, across + 1, down + 1}, image.display),
+                           [=](ImageBuf& result, const ImageBuf& in, const ROI& roi) {
+                               return function(result, in, width, height, roi, 1);
+                           });
     };
 }
 
@@ -179,11 +187,12 @@ Compute plan_unsharp(PlanContext& context, const Arguments& arguments)
                 threshold = arguments.real("threshold");
     context.output("image", image);
     const int reach = static_cast<int>(std::ceil(width)) / 2 + 1;
-    needs_window(context, {-reach, -reach, reach + 1, reach + 1}, image.display);
-    return on_imagebuf(image, image, [=](ImageBuf& result, const ImageBuf& in, const ROI& roi) {
-        return OIIO::ImageBufAlgo::unsharp_mask(result, in, kernel, width, contrast, threshold, roi,
-                                                1);
-    });
+    return on_imagebuf(context, image, image,
+                       reads_window({-reach, -reach, reach + 1, reach + 1}, image.display),
+                       [=](ImageBuf& result, const ImageBuf& in, const ROI& roi) {
+                           return OIIO::ImageBufAlgo::unsharp_mask(result, in, kernel, width,
+                                                                   contrast, threshold, roi, 1);
+                       });
 }
 
 // ------------------------------------------------------------------------------------ resampling
@@ -244,22 +253,22 @@ Compute plan_resize(PlanContext& context, const Arguments& arguments)
     const int reach_x = radius_x + 2, reach_y = radius_y + 2;
     const Region to = result.display;
     context.output("image", result);
-    context.needs("image", [=](const Need& need) {
+    const auto reads = [=](const Region& r) {
         const auto source = [](int p, int origin, int size, int source_origin, int source_size) {
             return source_origin +
                    static_cast<int>(std::floor((p - origin + 0.5) / size * source_size));
         };
-        const Region& r = need.region;
         const Region read{source(r.x0, to.x0, to.width(), from.x0, from.width()) - reach_x,
                           source(r.y0, to.y0, to.height(), from.y0, from.height()) - reach_y,
                           source(r.x1 - 1, to.x0, to.width(), from.x0, from.width()) + reach_x + 1,
                           source(r.y1 - 1, to.y0, to.height(), from.y0, from.height()) + reach_y +
                               1};
         return with_clamped_border(read, from);
-    });
-    return on_imagebuf(image, result, [filter](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
-        return OIIO::ImageBufAlgo::resize(out, in, filter.get(), roi, 1);
-    });
+    };
+    return on_imagebuf(context, image, result, reads,
+                       [filter](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
+                           return OIIO::ImageBufAlgo::resize(out, in, filter.get(), roi, 1);
+                       });
 }
 
 Compute plan_rotate(PlanContext& context, const Arguments& arguments)
@@ -277,11 +286,11 @@ Compute plan_rotate(PlanContext& context, const Arguments& arguments)
                                                                 : natural_width(name);
     const Filter filter = make_filter(name, natural, natural);
     context.output("image", image);
-    context.needs("image", [=](const Need& need) {
+    const auto reads = [=](const Region& r) {
         const double c = std::cos(-double(angle)), s = std::sin(-double(angle));
         double x0 = 1e30, y0 = 1e30, x1 = -1e30, y1 = -1e30;
-        for (const int x : {need.region.x0, need.region.x1})
-            for (const int y : {need.region.y0, need.region.y1}) {
+        for (const int x : {r.x0, r.x1})
+            for (const int y : {r.y0, r.y1}) {
                 const double dx = x - double(cx), dy = y - double(cy);
                 const double sx = cx + c * dx - s * dy, sy = cy + s * dx + c * dy;
                 x0 = std::min(x0, sx), x1 = std::max(x1, sx);
@@ -292,10 +301,11 @@ Compute plan_rotate(PlanContext& context, const Arguments& arguments)
         return Region{
             static_cast<int>(std::floor(x0)) - reach, static_cast<int>(std::floor(y0)) - reach,
             static_cast<int>(std::ceil(x1)) + reach, static_cast<int>(std::ceil(y1)) + reach};
-    });
-    return on_imagebuf(image, image, [=](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
-        return OIIO::ImageBufAlgo::rotate(out, in, angle, cx, cy, filter.get(), false, roi, 1);
-    });
+    };
+    return on_imagebuf(
+        context, image, image, reads, [=](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
+            return OIIO::ImageBufAlgo::rotate(out, in, angle, cx, cy, filter.get(), false, roi, 1);
+        });
 }
 
 ParamInfo at_least(ParamInfo param, double lo)

@@ -91,12 +91,16 @@ void from_imagebuf(const OIIO::ImageBuf& buffer, const ImageView& out,
     }
 }
 
-Compute on_imagebuf(ImageDesc input, ImageDesc output, OnImageBuf function)
+Compute on_imagebuf(PlanContext& context, ImageDesc input, ImageDesc output, Reads reads,
+                    OnImageBuf function)
 {
-    return [input = std::move(input), output = std::move(output),
+    context.needs("image", [reads](const Need& need) { return reads(need.region); });
+    return [input = std::move(input), output = std::move(output), reads = std::move(reads),
             function = std::move(function)](const TileContext& tile) {
         const Region& region = tile.region();
-        const ConstImageView view = tile.input("image");
+        // The engine may show more: a band of rows is as wide as the image.
+        const ConstImageView all = tile.input("image");
+        const ConstImageView view = all.crop(reads(region).intersect(all.region()));
         const ImageView out = tile.output("image");
         tile.check_cancelled();
         if (view.empty()) { // nothing of the image reaches here

@@ -39,8 +39,13 @@ void from_imagebuf(const OIIO::ImageBuf& buffer, const ImageView& out,
 using OnImageBuf =
     std::function<bool(OIIO::ImageBuf& result, const OIIO::ImageBuf& image, const OIIO::ROI& roi)>;
 
-/// Calls `function` for each region. `input` and `output` describe the whole images.
-Compute on_imagebuf(ImageDesc input, ImageDesc output, OnImageBuf function);
+/// What of the image at port "image" is read for a region of the output.
+using Reads = std::function<Region(const Region&)>;
+
+/// Calls `function` for each region, and declares what is read for it: nothing else of the image is
+/// copied. `input` and `output` describe the whole images.
+Compute on_imagebuf(PlanContext& context, ImageDesc input, ImageDesc output, Reads reads,
+                    OnImageBuf function);
 
 /// As on_imagebuf() for the image at port "image", which keeps its windows and channels, and of
 /// which only `channels` are handed to `function`; the others are passed on.

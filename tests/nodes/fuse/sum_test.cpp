@@ -5,6 +5,12 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <random>
+#include <vector>
+
 namespace rayloom
 {
 namespace
@@ -33,6 +39,37 @@ TEST(FuseSum, AddsColoursAndKeepsAlphaOfTheBase)
                                              static_cast<double>(b.view().at(c, x, y))));
             EXPECT_EQ(run.image().view().at(3, x, y), base.view().at(3, x, y));
         }
+}
+
+/// Of two images float's own sum is the one of double rounded once, bit for bit.
+TEST(FuseSum, TwoImagesHaveTheBitsOfDouble)
+{
+    TestImage a = random_image(window, {"R", "G", "B"}, 2),
+              b = random_image(window, {"R", "G", "B"}, 3);
+    const std::vector<float> odd{0.0f,        -0.0f,       1.0f,       -1.0f,   1e-45f, 3e38f,
+                                 16777216.0f, 16777217.0f, 0.5f,       0.3f,    1e8f,   5.9e-8f,
+                                 -1e-40f,     -3e38f,      1.0000001f, INFINITY};
+    const auto side = static_cast<int>(odd.size());
+    for (int i = 0; i < side; ++i)
+        for (int j = 0; j < side; ++j) {
+            a.view().at(i % 3, window.x0 + i, window.y0 + j) = odd[static_cast<std::size_t>(i)];
+            b.view().at(i % 3, window.x0 + i, window.y0 + j) = odd[static_cast<std::size_t>(j)];
+        }
+    std::mt19937 random(4);
+    std::uniform_int_distribution<int> exponent(-60, 60);
+    for (int y = window.y0; y < window.y1; ++y)
+        for (int x = window.x0 + side; x < window.x1; ++x)
+            for (int c = 0; c < 3; ++c)
+                b.view().at(c, x, y) = std::ldexp(b.view().at(c, x, y), exponent(random));
+    const NodeRun run = run_node("fuse.sum", {}, {{"images", {&a, &b}, nullptr, true}});
+    for (int y = window.y0; y < window.y1; ++y)
+        for (int x = window.x0; x < window.x1; ++x)
+            for (int c = 0; c < 3; ++c)
+                EXPECT_EQ(std::bit_cast<std::uint32_t>(run.image().view().at(c, x, y)),
+                          std::bit_cast<std::uint32_t>(
+                              static_cast<float>(0.0 + static_cast<double>(a.view().at(c, x, y)) +
+                                                 static_cast<double>(b.view().at(c, x, y)))))
+                    << a.view().at(c, x, y) << " + " << b.view().at(c, x, y);
 }
 
 TEST(FuseSum, OneImageIsPassedOn)
