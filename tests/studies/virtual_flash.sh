@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 # The figures of docs/methods/virtual-flash.md. Usage: virtual_flash.sh SCENES [BUILD_FOLDER] [WHAT]…
 # SCENES holds cornell, caustics, interior and dof, each with stack/sNN.exr (1 sample a pixel; 128 of them
-# for all rows of coverage), flash_16.exr and ref.exr. WHAT: readings, gates, coverage, sequence (all of them).
+# for all rows of coverage), flash_16.exr and ref.exr. WHAT: readings, gates, albedo, coverage, sequence (all of them).
 set -euo pipefail
 scenes=$(realpath "$1")
 build=$(realpath "${2:-build}")
 shift $(($# < 2 ? $# : 2))
-what=${*:-readings gates coverage sequence}
+what=${*:-readings gates albedo coverage sequence}
 here=$(realpath "$(dirname "$0")")
 rayloom=$build/bin/rayloom
 
@@ -51,6 +51,21 @@ for part in $what; do
                         for o in $outputs; do printf ' %s %.4g' "$o" "$(figure "$o" $f)"; done
                         echo
                     done
+                done
+            done
+        done
+        ;;
+    albedo)
+        for scene in cornell caustics interior dof; do
+            for n in 4 8 16 32; do
+                for albedo in without with; do
+                    mapfile -t with < <(inputs "$scene" "$n" | head -n -2)
+                    [ $albedo = without ] ||
+                        with+=(-i "albedo=$scenes/$scene/noisy_16.exr:Denoising Albedo")
+                    "$rayloom" run virtual-flash "${with[@]}" -q -o "image=$work/image.exr" 2>/dev/null
+                    printf 'albedo %s %s %s' "$scene" "$n" $albedo
+                    "$rayloom" compare "$work/image.exr" "$scenes/$scene/ref.exr" |
+                        awk '/^(relmse|relmse_trimmed|brightness_ratio) / { printf " %s %.4g", $1, $2 } END { print "" }'
                 done
             done
         done
