@@ -15,6 +15,7 @@ import random
 import resource
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -42,6 +43,15 @@ inputs: {color: {channels: RGB}}
 nodes: {twice: {op: oiio.mul, image: color, value: 2}}
 outputs: {image: twice}
 """
+# The same of a deep picture.
+COPY_DEEP = """rayloom: 1
+name: copy-deep
+inputs: {deep: {kind: deep}}
+nodes:
+  flat: {op: transform.deep_flatten, deep: deep}
+  again: {op: transform.deep_recolor, deep: deep, color: flat}
+outputs: {deep: again}
+"""
 
 
 class Fault(AssertionError):
@@ -59,6 +69,7 @@ class Bench:
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="rayloom-fault-"))
         (self.folder / "slow.yaml").write_text(SLOW)
         (self.folder / "copy.yaml").write_text(COPY)
+        (self.folder / "copy-deep.yaml").write_text(COPY_DEEP)
 
     def close(self):
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -154,6 +165,54 @@ def disk_full(bench):
     return whole
 
 
+def write_deep(path, size, seed):
+    """A deep EXR of size x size pixels with nought to eight samples of R, G, B, A, Z, not compressed. It has
+    a date, without which OpenImageIO gives every copy the time of its making."""
+    noise = random.Random(seed)
+    channels = b"".join(name + bytes(1) + struct.pack("<iB3xii", 2, 0, 1, 1) for name in (b"A", b"B", b"G", b"R", b"Z"))
+    box = struct.pack("<4i", 0, 0, size - 1, size - 1)
+    header = b"".join(name + b"\0" + kind + b"\0" + struct.pack("<i", len(value)) + value for name, kind, value in [
+        (b"capDate", b"string", b"2026:01:01 00:00:00"), (b"channels", b"chlist", channels + b"\0"),
+        (b"chunkCount", b"int", struct.pack("<i", size)), (b"compression", b"compression", b"\0"),
+        (b"dataWindow", b"box2i", box), (b"displayWindow", b"box2i", box), (b"lineOrder", b"lineOrder", b"\0"),
+        (b"maxSamplesPerPixel", b"int", struct.pack("<i", 8)), (b"pixelAspectRatio", b"float", struct.pack("<f", 1)),
+        (b"screenWindowCenter", b"v2f", bytes(8)), (b"screenWindowWidth", b"float", struct.pack("<f", 1)), (b"type", b"string", b"deepscanline"),
+        (b"version", b"int", struct.pack("<i", 1))])
+    head = struct.pack("<ii", 20000630, 2 | 0x800) + header + b"\0"
+    rows = []
+    for y in range(size):
+        ends, total = [], 0
+        for _ in range(size):
+            total += noise.randrange(9)
+            ends.append(total)
+        colors = [noise.uniform(0.0, 0.5) for _ in range(4 * total)]
+        depths = [noise.uniform(1.0, 9.0) for _ in range(total)]
+        samples = struct.pack(f"<{5 * total}f", *colors, *depths)
+        rows.append(struct.pack("<iQQQ", y, 4 * size, len(samples), len(samples)) + struct.pack(f"<{size}i", *ends) +
+                    samples)
+    at, table = len(head) + 8 * size, []
+    for row in rows:
+        table.append(at)
+        at += len(row)
+    path.write_bytes(head + struct.pack(f"<{size}Q", *table) + b"".join(rows))
+
+
+def deep_disk_full(bench):
+    """The disk is full while a deep EXR is written."""
+    write_deep(bench.folder / "deep.exr", 60, 1)
+    copy = ["run", "copy-deep.yaml", "-i", "deep=deep.exr", "-q", "-o"]
+    bench.run(*copy, "deep=out.exr").expect({0}, "to begin with")
+    size = (bench.folder / "out.exr").stat().st_size
+    sizes = [4096, 8192, size // 2, size - 1] + [bench.random.randrange(4096, size) for _ in range(20 * bench.soak)]
+    for space in sizes:
+        with small_disk(bench, space) as (disk, before):
+            (disk / "out.exr").write_bytes(EARLIER)
+            bench.fault()
+            bench.run(*copy, "deep=disk/out.exr", before=before).expect({4}, f"disk of {space} bytes")
+            expect_earlier(disk / "out.exr", f"disk of {space} bytes")
+            expect(names(disk) == ["out.exr"], f"disk of {space} bytes: left {names(disk)}")
+
+
 def unwritable(bench):
     """A folder, or an earlier file's folder, that may not be written to; a name that is a folder."""
     locked = bench.folder / "locked"
@@ -206,12 +265,12 @@ def wait_for(child, word):
     return said
 
 
-def stopped(bench, number, codes):
+def stopped(bench, number, codes, graph="copy.yaml", read="color=large.exr", write="image"):
     """One signal at a random time of a run that mostly writes."""
     out = bench.folder / "work"
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
-    arguments = ["run", "copy.yaml", "-i", f"color={bench.folder}/large.exr", "-o", "image=work/out.exr", "-q"]
+    arguments = ["run", graph, "-i", read, "-o", f"{write}=work/out.exr", "-q"]
     begin = time.monotonic()
     bench.run(*arguments).expect({0}, "to begin with")
     lasts = time.monotonic() - begin
@@ -264,6 +323,13 @@ def interrupt(bench):
     make_large(bench)
     stopped(bench, signal.SIGINT, {130})
     stopped(bench, signal.SIGTERM, {130})
+
+
+def deep_stopped(bench):
+    """kill -9 and SIGTERM at random times while a deep EXR is written."""
+    write_deep(bench.folder / "deep.exr", 200, 2)
+    stopped(bench, signal.SIGKILL, {-signal.SIGKILL}, "copy-deep.yaml", "deep=deep.exr", "deep")
+    stopped(bench, signal.SIGTERM, {130}, "copy-deep.yaml", "deep=deep.exr", "deep")
 
 
 def address_space(bench):
@@ -499,8 +565,30 @@ def shared_cache(bench):
         expect(content(bench.folder / "out.exr") == expected, "other pixels from what was shared")
 
 
-FAULTS = [disk_full, unwritable, vanishing_folder, kill, interrupt, address_space, memory_budget, truncated,
-          damaged, replaced, many_frames, large_graphs, broken_cache, shared_cache]
+def trimmed_cache(bench):
+    """Processes that fill, read and trim one cache at once: what one reads the others remove."""
+    scenes = [f"stack={SOURCE}/tests/data/cycles/{name}/stack/s%02d.exr@1-4" for name in ("interior", "cornell")]
+    expected = []
+    for scene in scenes:
+        bench.run("run", GRAPH, "-i", scene, "-o", "image=out.exr", "-q", "--cache", "cache").expect({0}, "first")
+        expected.append(content(bench.folder / "out.exr"))
+    sizes = sorted(p.stat().st_size for p in (bench.folder / "cache").iterdir())
+    for room in (1, sizes[-1], sum(sizes) // 2):
+        for _ in range(1 + 15 * bench.soak):
+            children = [bench.start("run", GRAPH, "-i", scenes[i % 2], "-o", f"image=out{i}.exr", "-q",
+                                    "--cache", "cache", "--cache-size", room) for i in range(4)]
+            for i, child in enumerate(children):
+                bench.fault()
+                err = child.communicate(timeout=300)[1].decode(errors="replace")
+                Result(child.returncode, "", err or "?").expect({0}, f"a cache of {room} bytes")
+                expect(content(bench.folder / f"out{i}.exr") == expected[i % 2], f"other pixels, cache of {room} bytes")
+            left = sum(p.stat().st_size for p in (bench.folder / "cache").iterdir())
+            expect(left <= room, f"{left} bytes in a cache of {room}")
+
+
+FAULTS = [disk_full, deep_disk_full, unwritable, vanishing_folder, kill, interrupt, deep_stopped, address_space,
+          memory_budget, truncated, damaged, replaced, many_frames, large_graphs, broken_cache, shared_cache,
+          trimmed_cache]
 
 
 def main():
