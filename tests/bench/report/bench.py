@@ -41,8 +41,8 @@ def arguments(argv):
     parser.add_argument("--repeats", type=int, default=3, help="runs of a case, of which the fastest counts (3)")
     parser.add_argument("--filter", default=".", help="kernels: regular expression of names")
     parser.add_argument("--min-time", type=float, default=0.2, help="kernels: seconds for each (0.2)")
-    parser.add_argument("--megapixels", type=numbers(float), default=[0.1, 1.0, 4.0, 16.0],
-                        help="scaling: sizes (0.1,1,4,16); 64 want 15 GB of temporary files")
+    parser.add_argument("--megapixels", type=numbers(float), default=[0.1, 1.0, 4.0, 16.0, 64.0],
+                        help="scaling: sizes (0.1,1,4,16,64); 64 want 21 GB of temporary files")
     parser.add_argument("--threads", type=numbers(int), help="scaling: numbers of threads (1 … all)")
     parser.add_argument("--again", action="store_true", help="forget what is measured already")
     parser.add_argument("--against", metavar="REV", help="compare with the build of another revision")

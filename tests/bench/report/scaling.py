@@ -18,7 +18,11 @@ def prepare(case, width, height, folder, black=lambda channel: 0.0):
         target = made / file.relative_to(case.scene.folder)
         target.parent.mkdir(exist_ok=True, parents=True)
         if not target.exists():
-            enlarge(file, target, width, height, black)
+            try:
+                enlarge(file, target, width, height, black)
+            except OSError as e:
+                target.unlink(missing_ok=True)
+                raise BenchError(f"{target}: {e.strerror}") from e
     return [text.replace(str(case.scene.folder), str(made)) for text in case.inputs]
 
 
@@ -38,7 +42,8 @@ def scaling(program, results, data, graph_folder, megapixels, threads, spp=4, on
         if old is None or size < old[0]:
             chosen[case.graph["graph"]] = (size, case)
     folder = pathlib.Path(tempfile.mkdtemp(prefix="rayloom-bench-"))
-    middle, failed = sorted(megapixels)[(len(megapixels) - 1) // 2], set()
+    # Threads are compared at one size, large enough for many tiles.
+    middle, failed = min(megapixels, key=lambda mp: abs(math.log(mp))), set()
     try:
         for mp in sorted(megapixels):
             width = 16 * round(math.sqrt(mp * 1e6 * 16 / 9) / 16)
