@@ -66,7 +66,7 @@ def compare_kernels(programs, results, sha, pattern, pairs, min_time):
         report(results, "kernel", name, sha, then, now, {})
     for name in sorted(listed["then"] ^ listed["now"]):
         if not name.startswith("machine/"):
-            say(f"{name}: only in {'the new' if name in listed['now'] else 'the old'} build")
+            alone(results, "kernel", name, sha, f"only in the {'new' if name in listed['now'] else 'old'} build")
 
 
 def report(results, part, name, sha, then, now, more):
@@ -77,10 +77,20 @@ def report(results, part, name, sha, then, now, more):
         + more.get("text", ""))
 
 
+def alone(results, part, name, sha, why):
+    """What one build has and the other has not, or cannot run."""
+    results.add("against", "", what=f"{sha}|{part}|{name}", part=part, name=name, revision=sha, verdict=why)
+    say(f"{name}: {why}")
+
+
 def compare_quality(programs, graph_folders, results, sha, data, only, pairs):
     scenes = scene_files.find_scenes(data)
     now = programs["now"]
     cases, _ = scene_files.cases(now, graph_folders["now"], scenes, only)
+    here = {pathlib.Path(g["file"]).name for g in scene_files.graphs(now, graph_folders["now"])}
+    for file in sorted(graph_folders["then"].glob("*.yaml")):
+        if file.name not in here and (not only or file.stem in only):
+            alone(results, "quality", file.stem, sha, "only in the old build")
     largest = {}
     for case in cases:
         key = (case.graph["graph"], case.scene.name)
@@ -89,7 +99,7 @@ def compare_quality(programs, graph_folders, results, sha, data, only, pairs):
     for case in largest.values():
         graph = {side: folder / pathlib.Path(case.graph["file"]).name for side, folder in graph_folders.items()}
         if not graph["then"].exists():
-            say(f"{case.name}: the old build has no such graph")
+            alone(results, "quality", case.name, sha, "only in the new build")
             continue
         folder = pathlib.Path(tempfile.mkdtemp(prefix="rayloom-bench-"))
         try:
@@ -111,7 +121,7 @@ def compare_quality(programs, graph_folders, results, sha, data, only, pairs):
             report(results, "quality", case.name, sha, then_times, now_times,
                    {"errors": errors, "errors_unchanged": same, "text": text})
         except BenchError as e:
-            say(f"{case.name}: {e.reason()}")
+            alone(results, "quality", case.name, sha, "not compared: " + e.reason())
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 

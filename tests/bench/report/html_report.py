@@ -164,30 +164,36 @@ def spp_plots(data):
         if floor:
             plot.line([(counts[0] / 2, floor), (counts[-1] * 2, floor)], "#777", "9 4", 1, kind="floor")
             plot.text(counts[0], floor, "error of the reference itself", "#555", "start", 0, -4)
+        # Marks of one sample count stand side by side.
+        step = 10 ** (0.017 * (plot.x.high - plot.x.low))
+        others = [g for g in series if g != PLAIN]
         for graph, found in series.items():
             colour, shape, dash = data.style.look[graph]
+            aside = 1.0 if graph == PLAIN else step ** (others.index(graph) - (len(others) - 1) / 2)
             if graph != PLAIN:
-                plot.line([(n, v) for n, v, _ in found], colour, dash)
-            plot.marks([(n, v) for n, v, _ in found], shape, colour, [describe(q) for *_, q in found])
+                plot.line([(n * aside, v) for n, v, _ in found], colour, dash)
+            plot.marks([(n * aside, v) for n, v, _ in found], shape, colour, [describe(q) for *_, q in found])
         plots.append(plot.svg())
     return plots
 
 
 def roofline_plot(data):
     limits = data.kernels["limits"]
-    # Of nodes inside a run one size and thread; the rest would lie on top of it.
-    entries = [e for e in data.kernels["entries"] if "intensity" in e and not is_plain(e) and
-               (not is_node_run(e) or "/width:1920/" in e["name"] and e["threads"] == 1)]
+    # One thread and one size; the rest would lie on top of it.
+    sizes = lambda name: [int(w) for w in re.findall(r"/(?:width:)?(\d+)(?:/|x\d+)", name)]
+    entries = [e for e in data.kernels["entries"] if "intensity" in e and not is_plain(e) and e["threads"] == 1 and
+               ("/width:1920/" in e["name"] if is_node_run(e) else not {640, 3840} & set(sizes(e["name"])) or
+                not e["name"].startswith("error_measures"))]
     if not entries or "triad" not in limits:
         return ""
-    threads = sorted({e["threads"] for e in entries} & set(int(k) for k in limits["triad"]))
+    threads = sorted(int(k) for k in limits["triad"])
     get = lambda what, n: limits.get(what, {}).get(n) or limits.get(what, {}).get(str(n))
     rates = [e["flops_per_second"] / 1e9 for e in entries]
     intensities = [e["intensity"] for e in entries]
     top = max(get(w, n) / 1e9 for w in ("fused", "mul_add") for n in threads if get(w, n))
     plot = Plot("Kernels under the roofline", Axis(min([0.2, *intensities]), max([100, *intensities])),
                 Axis(min([0.5, *rates]), top * 1.2), "operations per byte that must be moved", "Gflop/s",
-                1030, 520, "roofline")
+                1030, 600, "roofline")
     for n in threads:
         bandwidth, peak, fused = (get(w, n) for w in ("triad", "mul_add", "fused"))
         ridge = peak / bandwidth
@@ -204,22 +210,21 @@ def roofline_plot(data):
             turn = math.degrees(math.atan2(plot.py(peak / 1e9) - plot.py(bandwidth * at / 1e9), plot.px(ridge) - plot.px(at)))
             plot.text(at, bandwidth * at / 1e9, f"memory: {bandwidth / 1e9:.1f} GB/s", INK, "middle", 0, -7, turn)
     stages = sorted({stage_of(e) for e in entries})
-    shown = []
-    for e in sorted(entries, key=lambda e: (not is_node_run(e), -e["flops_per_second"])):
-        k = stages.index(stage_of(e))
-        x, y, inside = e["intensity"], e["flops_per_second"] / 1e9, is_node_run(e)
-        plot.marks([(x, y)], SHAPES[k % len(SHAPES)], COLOURS[k % len(COLOURS)],
-                   [f"{kernel_name(e['name'])}: {y:.2f} Gflop/s, {100 * e.get('share_of_limit', 0):.2g} % of the limit"],
-                   4.2 if inside else 5.8)
-        # A name where there is room for it.
-        name = "/".join(e["name"].split("/")[:1 if inside else 2])
-        at = plot.px(x), plot.py(y)
-        if e["name"].startswith("oiio.") or any(n == name or abs(at[0] - u) < 120 and abs(at[1] - v) < 12 for n, u, v in shown):
-            continue
-        shown.append((name, *at))
-        right = plot.x.at(x) > 0.75
-        plot.text(x, y, name, COLOURS[k % len(COLOURS)], "end" if right else "start", -8 if right else 8, 4)
-    return legend([(s, COLOURS[k % len(COLOURS)], SHAPES[k % len(SHAPES)], None) for k, s in enumerate(stages)]) + plot.svg()
+    look = {stage: (COLOURS[k % len(COLOURS)], SHAPES[k % len(SHAPES)]) for k, stage in enumerate(stages)}
+    at = lambda e: (e["intensity"], e["flops_per_second"] / 1e9)
+    # Kernels by themselves are large marks and are named first; operations of OpenImageIO last.
+    order = sorted(entries, key=lambda e: (e["name"].startswith("oiio."), is_node_run(e), -e["flops_per_second"]))
+    names = {}
+    for e in order:
+        parts = e["name"].split("/")
+        names.setdefault(parts[0] if "." in parts[0] else "/".join(parts[:2]), []).append(e)
+    for e in reversed(order):
+        colour, shape = look[stage_of(e)]
+        plot.marks([at(e)], shape, colour,
+                   [f"{kernel_name(e['name'])}: {at(e)[1]:.2f} Gflop/s, {100 * e.get('share_of_limit', 0):.2g} % of the limit"],
+                   3.8 if is_node_run(e) else 5.8)
+    plot.labels([([at(e) for e in of], name, look[stage_of(of[0])][0]) for name, of in names.items()], [at(e) for e in entries])
+    return legend([(s, *look[s], None) for s in stages]) + plot.svg()
 
 
 def stage_of(entry):
@@ -297,7 +302,8 @@ def scaling_plots(data):
         return []
     most = max(s["threads"] for s in lines)
     plots = []
-    for what, label, unit in (("seconds", "Time", "seconds"), ("max_rss", "Memory", "MiB, whole process")):
+    for what, label, unit in (("seconds", "Time", "seconds"), ("cpu_seconds", "Processor time", "seconds of all threads"),
+                              ("max_rss", "Memory", "MiB, whole process")):
         series = {}
         for s in lines:
             if s["threads"] == most:
@@ -313,9 +319,14 @@ def scaling_plots(data):
             plot.line([(x, y) for x, y, _ in found], colour, dash)
             plot.marks([(x, y) for x, y, _ in found], shape, colour,
                        [f"{graph}, {s['width']}×{s['height']}: {s['seconds']:.2f} s, {mib(s['max_rss'])} MiB" for *_, s in found])
-            if what == "seconds" and len(found) > 1:
-                x, y, _ = found[0]
-                plot.line([(x, y), (found[-1][0], y * found[-1][0] / x)], "#777", "1.5 3", 1.1, kind="model")
+        if what != "max_rss" and max(xs) > 3 * min(xs):
+            # One line of the slope of proportion, below all others.
+            low = min(y / x for f in series.values() for x, y, _ in f)
+            ends = [(x, 0.8 * low * x) for x in (min(xs) / 2, max(xs) * 2)]
+            plot.line(ends, "#777", "1.5 3", 1.1, kind="model")
+            middle = math.sqrt(min(xs) * max(xs))
+            plot.text(middle, 0.8 * low * middle, "proportional", "#555", "middle", 0, 13,
+                      plot.angle(*ends[0], *ends[1]))
         plots.append(plot.svg())
     if most > 1:
         series = {}
@@ -338,29 +349,41 @@ def scaling_plots(data):
     return plots
 
 
+def against_name(line):
+    threads = re.search(r"/threads:(\d+)", line["name"])
+    return kernel_name(line["name"]).replace("/node/", "/") + (f", {threads.group(1)} threads" if threads and threads.group(1) != "1" else "")
+
+
 def against_plot(data):
-    lines = sorted(data.against, key=lambda a: (a["part"], a["name"]))
-    if not lines:
+    """Of the last revision that was compared: what can be, as a plot; a table of all."""
+    if not data.against:
         return ""
-    low, high = min(a["low"] for a in lines + [{"low": 0.9}]), max(a["high"] for a in lines + [{"high": 1.1}])
-    height = 90 + 22 * len(lines)
-    plot = Plot(f"Time of this build over that of {lines[0]['revision']}, 95 % intervals", Axis(low, high), Axis(0, len(lines), log=False, only=[]),
-                "ratio of times (left of 1: faster now)", "", 1030, height, "against")
-    plot.left = 340
-    plot.y.low, plot.y.high = -0.5, len(lines) - 0.5
-    plot.line([(1, -1), (1, len(lines) + 1)], INK, "", 1, kind="model")
-    for k, a in enumerate(reversed(lines)):
-        colour = {"faster": "#0072B2", "slower": "#D55E00"}.get(a["verdict"], "#777")
-        plot.line([(a["low"], k), (a["high"], k)], colour, "", 2.4)
-        plot.marks([(a["ratio"], k)], {"faster": "diamond", "slower": "triangle"}.get(a["verdict"], "circle"), colour,
-                   [f"{a['name']}: × {a['ratio']:.3f} ({a['low']:.3f} … {a['high']:.3f}), {a['verdict']}"])
-    text = plot.svg()
-    names = "".join(f'<text x="332" y="{plot.py(k) + 4:.1f}" text-anchor="end" class="tick">{escape(a["name"])}</text>'
-                    for k, a in enumerate(reversed(lines)))
-    rows = [[escape(a["name"]), f"{a['ratio']:.3f}", f"{a['low']:.3f} … {a['high']:.3f}", a["verdict"],
-             "–" if a["part"] == "kernel" else "unchanged" if a["errors_unchanged"] else
-             f"relMSE {short(a['errors']['relmse'][0], 5)} → {short(a['errors']['relmse'][1], 5)}"] for a in lines]
-    return text.replace("</svg>", names + "</svg>") + table(["what", "ratio of times", "95 %", "time", "errors"], rows)
+    revision = data.against[-1]["revision"]
+    every = sorted((a for a in data.against if a["revision"] == revision), key=lambda a: (a["part"], a["name"]))
+    lines = [a for a in every if "ratio" in a]
+    rows = [[escape(against_name(a)), *([f"{a['ratio']:.3f}", f"{a['low']:.3f} … {a['high']:.3f}"] if "ratio" in a else ["–", "–"]),
+             escape(a["verdict"]), "–" if "errors" not in a else "unchanged" if a["errors_unchanged"] else
+             f"relMSE {short(a['errors']['relmse'][0], 5)} → {short(a['errors']['relmse'][1], 5)}"] for a in every]
+    # What differs comes first: that is what one looks for.
+    rows.sort(key=lambda r: (r[3].startswith("no difference"), r[1] == "–"))
+    text = ""
+    if lines:
+        low, high = min([0.9, *(a["low"] for a in lines)]), max([1.1, *(a["high"] for a in lines)])
+        plot = Plot(f"Time of this build over that of {revision}, 95 % intervals", Axis(low, high), Axis(0, len(lines), log=False, only=[]),
+                    "ratio of times (left of 1: faster now)", "", 1030, 90 + 22 * len(lines), "against")
+        plot.left = 340
+        plot.y.low, plot.y.high = -0.5, len(lines) - 0.5
+        plot.line([(1, -1), (1, len(lines) + 1)], INK, "", 1, kind="model")
+        names = ""
+        for k, a in enumerate(reversed(lines)):
+            colour = {"faster": "#0072B2", "slower": "#D55E00"}.get(a["verdict"], "#777")
+            plot.line([(a["low"], k), (a["high"], k)], colour, "", 2.4)
+            plot.marks([(a["ratio"], k)], {"faster": "diamond", "slower": "triangle"}.get(a["verdict"], "circle"), colour,
+                       [f"{a['name']}: × {a['ratio']:.3f} ({a['low']:.3f} … {a['high']:.3f}), {a['verdict']}"])
+            names += (f'<text x="332" y="{plot.py(k) + 4:.1f}" text-anchor="end" class="tick">'
+                      f'{escape(against_name(a))}</text>')
+        text = plot.svg().replace("</svg>", names + "</svg>")
+    return text + table(["what", "ratio of times", "95 %", "time", "errors"], rows)
 
 
 def summary_table(data):
@@ -402,16 +425,47 @@ def quality_table(data):
                   "FLIP", "HDR-FLIP", "brightness", "equal-error samples", "plain's relMSE in equal time"], rows, 2)
 
 
-def skip_table(data):
+SKIP_HEAD = ["shortcut", "graph", "without", "with", "processor s without", "with", "saved", "MiB without", "with", "pixels"]
+SKIP_TEXT = ("Each run with and without, taking turns, least of each; saved is processor time, starting the program included. "
+             "Pixels of both are compared by hash. MiB is what bands of pixels held at most.")
+
+
+def skip_rows(data):
+    order = list(dict.fromkeys(s["kind_of_skip"] for s in data.skip))
     rows = []
-    for s in sorted(data.skip, key=lambda s: (s["kind_of_skip"], s["graph"])):
-        a, b = min(s["seconds_with"]), min(s["seconds_without"])
-        reasons = "; ".join(f"{escape(r)}: {escape(', '.join(v['nodes']))}"
+    for s in sorted(data.skip, key=lambda s: (order.index(s["kind_of_skip"]), s["graph"])):
+        a, b = min(s["cpu_with"]), min(s["cpu_without"])
+        rows.append([s["title"], s["graph"], seconds_text(min(s["seconds_without"])), seconds_text(min(s["seconds_with"])),
+                     f"{b:.2f}", f"{a:.2f}", f"{100 * (1 - a / b):.0f} %", mib(s.get("peak_without")), mib(s.get("peak_with")),
+                     "equal" if s["equal_pixels"] else "DIFFER"])
+    return rows
+
+
+def skip_details(data):
+    """What was left out, by graph: the same for most kinds."""
+    found = {}
+    for s in data.skip:
+        reasons = "; ".join(f"{r}: {', '.join(v['nodes'])}"
                             + (f" ({v['saved_seconds']:.3f} s)" if v["saved_seconds"] is not None else "")
-                            for r, v in s["reasons"].items()) or "nothing to skip"
-        rows.append([escape(s["title"]), escape(s["graph"]), reasons, seconds_text(b), seconds_text(a), f"{100 * (1 - a / b):.0f} %",
-                     "equal" if s["equal_pixels"] else "<strong>differ</strong>"])
-    return table(["shortcut", "graph", "what was left out", "without", "with", "saved", "pixels"], rows, 3)
+                            for r, v in s["reasons"].items()) or "nothing"
+        found.setdefault((s["graph"], reasons), []).append(s["title"].split(",")[0])
+    return table(["graph", "shortcut", "what was left out"],
+                 [[escape(graph), escape(", ".join(kinds)), escape(reasons)] for (graph, reasons), kinds in sorted(found.items())], 3)
+
+
+def missing_rows(data):
+    """What was not measured: graph, scenes, sample counts, reason; scenes with the same reason share a row."""
+    grouped = {}
+    for m in data.missing:
+        # "no noisy_4.exr" and "no noisy_8.exr" are one reason.
+        reason = m["reason"]
+        for n in m["spp"]:
+            reason = re.sub(rf"\b(of |\w+_){n}\b", r"\g<1>N", reason)
+        scenes, counts = grouped.setdefault((m["graph"], reason), ({}, set()))
+        scenes[data.title(m["scene"])] = True
+        counts.update(int(n) for n in m["spp"])
+    return [[graph, ", ".join(scenes), ", ".join(map(str, sorted(counts))), reason]
+            for (graph, reason), (scenes, counts) in grouped.items()]
 
 
 def embedded(path):
@@ -446,6 +500,8 @@ def viewer(data, folder):
                 "noisy": add(noisy["pictures"]["image"]), "result": add(q["pictures"]["image"]),
                 "reference": add(q["pictures"]["reference"]), "error": add(q["pictures"]["error"]),
                 "noisy_error": add(noisy["pictures"]["error"]),
+                "relmse": q["errors"]["relmse"],
+                "figures": [short(q["errors"]["relmse"]), short(q["errors"].get("flip")), f"× {short(q['equal_error_factor'])}", seconds_text(best(q))],
                 "text": f"relMSE {short(noisy['errors']['relmse'])} → {short(q['errors']['relmse'])}, "
                         f"FLIP {short(noisy['errors'].get('flip'))} → {short(q['errors'].get('flip'))}, "
                         f"{seconds_text(best(q))}"}
@@ -475,12 +531,26 @@ clamped to [0, 1], sRGB. FLIP maps run from black (no difference seen) to pale y
 <label>Left <select id="left">{options}</select></label>
 <label>Right <select id="right">{options}</select></label>
 </div>
+<div class="beside"><div>
 <figure class="wipe" id="wipe"><img id="under" alt="right image"><img id="over" alt="left image"><i id="bar"></i>
 <b id="name-left"></b><b id="name-right"></b></figure>
 <input type="range" id="position" min="0" max="100" step="0.5" value="50" aria-label="position of the wipe">
+</div><table id="choices"><thead><tr><th>graph</th><th class=n>spp</th><th class=n>relMSE</th><th class=n>FLIP</th><th class=n>samples</th>
+<th class=n>time</th></tr></thead><tbody></tbody></table></div>
+<div class="four" id="four">{"".join(f'<figure><img alt="{escape(v)}" data-view="{k}"><figcaption>{escape(v)}</figcaption></figure>' for k, v in VIEWS[:4])}</div>
 <p id="caption"></p>
 </section>
 <script type="application/json" id="viewer-data">{text}</script>"""
+
+
+def folded(title, content):
+    """Open in print."""
+    return f"<details><summary>{escape(title)}</summary>{content}</details>"
+
+
+def taken(lines):
+    """One line: where a section's figures are from."""
+    return '<p class="note">' + escape("; ".join(f"{k} {v}" for k, v in facts(lines)[1:])) + "</p>"
 
 
 def range_text(values):
@@ -519,38 +589,43 @@ def page(data, folder):
         add('<div class="plots">' + "".join(time_error_plots(data)) + "</div></section>")
         add(viewer_html(*viewer(data, folder)))
         add("<section><h2>Error against samples</h2><p>Plain Monte Carlo follows the dotted line of slope −½. A method worth "
-            "its time stays below it; a biased one flattens out.</p>")
+            "its time stays below it; a biased one flattens out. Marks of one sample count stand side by side.</p>")
         add(data.style.legend([n for n in names if any(q["graph"] == n for q in data.quality)]))
         add('<div class="plots">' + "".join(spp_plots(data)) + "</div></section>")
     if data.kernels:
         add("<section><h2>Kernels and the machine's limits</h2><p>Both limits are measured in the same run: bandwidth by a "
             "triad over arrays no cache holds, arithmetic by chains of multiplications and additions. Results with the same bits "
             "on every machine need separate multiplication and addition; the fused peak shows what that costs. Operations are "
-            "counted from the equations, bytes are what must be read and written once.</p>")
+            "counted from the equations, bytes are what must be read and written once. Large marks: kernels by themselves; small "
+            "ones: nodes inside a run at 2.1 megapixels; one thread.</p>" + taken([data.kernels]))
         add(roofline_plot(data))
-        add(table(KERNEL_HEAD, [[f"<code>{escape(r[0])}</code>", *r[1:]] for r in kernel_rows(data)]) + "</section>")
+        add(folded("Kernels by themselves, in figures",
+                   table(KERNEL_HEAD, [[f"<code>{escape(r[0])}</code>", *r[1:]] for r in kernel_rows(data)])) + "</section>")
         if rows := node_rows(data):
             add(f"<section><h2>Every node and graph inside a run</h2><p>{NODE_TEXT}</p>")
-            add(table(NODE_HEAD, [[f"<code>{escape(r[0])}</code>", *r[1:]] for r in rows]) + "</section>")
+            add(folded(f"{len(rows)} nodes and graphs, in figures",
+                       table(NODE_HEAD, [[f"<code>{escape(r[0])}</code>", *r[1:]] for r in rows])) + "</section>")
     if data.scaling:
-        add("<section><h2>Size and threads</h2><p>Images of any size from mirrored copies of a real render. Dotted: proportional.</p>")
+        add("<section><h2>Size and threads</h2><p>Images of any size from mirrored copies of a real render. Dotted: proportional. "
+            "Runs may hold a third of the machine's memory for pixels (<code>--memory</code>).</p>" + taken(data.scaling))
         add(data.style.legend([g for g in data.graphs if any(s["graph"] == g for s in data.scaling)]))
         add('<div class="plots">' + "".join(scaling_plots(data)) + "</div></section>")
     if data.skip:
-        add("<section><h2>Shortcuts</h2><p>Each run with and without, taking turns, fastest of each; the pixels of both are compared by hash.</p>")
-        add(skip_table(data) + "</section>")
+        add(f"<section><h2>Shortcuts</h2><p>{SKIP_TEXT}</p>{taken(data.skip)}")
+        add(table(SKIP_HEAD, [[escape(c) for c in r] for r in skip_rows(data)], 2))
+        add(folded("What was left out", skip_details(data)) + "</section>")
     if data.against:
-        add("<section><h2>Against another build</h2><p>Both builds took turns in one run. Times of graphs are processor time.</p>")
+        add("<section><h2>Against another build</h2><p>Both builds took turns in one run. Times of graphs are processor time.</p>" + taken(data.against))
         add(against_plot(data) + "</section>")
     if data.quality:
-        add("<section><h2>All figures</h2>" + quality_table(data))
+        add("<section><h2>All figures</h2>" + taken(data.quality) + folded(f"{len(data.quality)} cases", quality_table(data)))
         sources = sorted({f"{data.title(q['scene'])}: {q['render_time_source']}" for q in data.quality})
         add('<p class="note">Definitions of the errors: docs/measures.md. Time is the fastest of up to three runs, planning not '
             "included; reading and writing are. Seconds to render: " + escape("; ".join(sources)) +
             "; they were measured where the scenes were rendered, with that machine's threads.</p>")
         if data.missing:
-            rows = [[escape(m["graph"]), escape(m["scene"]), escape(", ".join(m["spp"])), escape(m["reason"])] for m in data.missing]
-            add("<details><summary>What was not measured, and why</summary>" + table(["graph", "scene", "spp", "reason"], rows, 4) + "</details>")
+            rows = [[escape(c) for c in row] for row in missing_rows(data)]
+            add(folded("What was not measured, and why", table(["graph", "scenes", "spp", "reason"], rows, 4)))
         add("</section>")
     if not data.everything:
         add("<p>There are no results yet.</p>")

@@ -4,8 +4,8 @@
 import pathlib
 
 from common import finite, say
-from html_report import (KERNEL_HEAD, NODE_HEAD, NODE_TEXT, Data, best, facts, kernel_rows, mib, node_rows, seconds_text,
-                         short)
+from html_report import (KERNEL_HEAD, NODE_HEAD, NODE_TEXT, SKIP_HEAD, SKIP_TEXT, Data, best, facts, kernel_rows, mib,
+                         missing_rows, node_rows, seconds_text, short, skip_rows)
 from quality import PLAIN
 
 BEGIN = "<!-- generated: ./dev bench --write-docs -->"
@@ -48,8 +48,7 @@ def accuracy(data):
             + ", ".join(dict.fromkeys(f"{data.title(q['scene'])} {q['reference_rmse']:g}" for q in data.quality
                                       if q.get("reference_rmse"))) + ").\n")
     if data.missing:
-        out += "\nNot measured:\n\n" + table(["graph", "scene", "spp", "reason"],
-                                             [[m["graph"], m["scene"], ", ".join(m["spp"]), m["reason"]] for m in data.missing], 4)
+        out += "\nNot measured:\n\n" + table(["graph", "scenes", "spp", "reason"], missing_rows(data), 4)
     return out
 
 
@@ -80,11 +79,7 @@ def performance(data):
                      [[s["graph"], s["spp"], f"{s['width']}×{s['height']}", s["threads"], f"{s['seconds']:.2f}", f"{s['cpu_seconds']:.1f}", mib(s["peak_bytes"]),
                        mib(s["max_rss"])] for s in sorted(data.scaling, key=lambda s: (s["graph"], s["threads"], s["width"]))]) + "\n"
     if data.skip:
-        out += "## Shortcuts of a run\n\n" + stated(data.skip)
-        out += table(["shortcut", "graph", "without", "with", "saved", "pixels"],
-                     [[s["title"], s["graph"], seconds_text(min(s["seconds_without"])), seconds_text(min(s["seconds_with"])),
-                       f"{100 * (1 - min(s['seconds_with']) / min(s['seconds_without'])):.0f} %",
-                       "equal" if s["equal_pixels"] else "differ"] for s in data.skip], 2)
+        out += "## Shortcuts of a run\n\n" + stated(data.skip) + SKIP_TEXT + "\n\n" + table(SKIP_HEAD, skip_rows(data), 2)
     return out or "No run yet.\n"
 
 

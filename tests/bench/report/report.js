@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The image viewer: two images of a case on top of one another, wiped by pointer, slider or keys.
 "use strict";
+// On paper nothing unfolds.
+addEventListener("beforeprint", () => { for (const part of document.querySelectorAll("details")) part.open = true; });
 (() => {
   const source = document.getElementById("viewer-data");
   if (!source) return;
@@ -23,14 +25,34 @@
     $("under").src = images[found[$("right").value]];
     $("name-left").textContent = label($("left"));
     $("name-right").textContent = label($("right"));
+    for (const image of document.querySelectorAll("#four img")) image.src = images[found[image.dataset.view]];
+    for (const row of document.querySelectorAll("#choices tbody tr")) row.classList.toggle("chosen", row.dataset.graph === found.graph);
     $("caption").textContent = `${found.scene}, ${found.spp} samples per pixel, ${found.graph}: ${found.text}`;
+  }
+
+  // A graph of the scene with its figures, best first; a click shows it.
+  function row(found) {
+    const line = document.createElement("tr");
+    line.dataset.graph = found.graph;
+    const name = document.createElement("button");
+    name.textContent = found.graph;
+    line.insertCell().append(name);
+    for (const text of [found.spp, ...found.figures]) {
+      const cell = line.insertCell();
+      cell.className = "n";
+      cell.textContent = text;
+    }
+    line.addEventListener("click", () => { $("graph").value = found.graph; show(); });
+    return line;
   }
 
   function graphs() {
     const before = $("graph").value;
-    const names = cases.filter((c) => c.scene === $("scene").value).map((c) => c.graph);
+    const here = cases.filter((c) => c.scene === $("scene").value).sort((a, b) => a.relmse - b.relmse);
+    const names = here.map((c) => c.graph);
     $("graph").replaceChildren(...names.map((n) => new Option(n, n)));
     if (names.includes(before)) $("graph").value = before;
+    $("choices").tBodies[0].replaceChildren(...here.map(row));
     show();
   }
 

@@ -31,6 +31,7 @@ from common import SOURCE, Program, Results, ratio_interval  # noqa: E402
 from mirrored_exr import enlarge  # noqa: E402
 
 BUILD = None
+GRAPHS = ["--graph", "ray-histogram-fusion-stack", "--graph", "nlm-guided"]
 CHROMIUM = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
 
 
@@ -41,7 +42,7 @@ def measured(folder):
     data.mkdir()
     (data / "interior").symlink_to(SOURCE / "tests/data/cycles/interior")
     code = bench.main(["quality", "--data", str(data), "--build", str(BUILD), "--out", str(folder / "out"),
-                       "--graph", "ray-histogram-fusion-stack", "--spp", "4,8", "--repeats", "1"])
+                       *GRAPHS, "--spp", "4,8", "--repeats", "1"])
     assert code == 0, code
     results = Results(folder / "out")
     results.add("scaling", "a", graph="ray-histogram-fusion-stack", scene="interior", spp=4, width=100, height=100,
@@ -59,6 +60,10 @@ def measured(folder):
     ratio, low, high = ratio_interval([1.0, 1.1, 1.0], [0.9, 0.95, 0.92])
     results.add("against", "g", part="kernel", name="fuse.x/case", revision="abc", then=[1, 1.1, 1], now=[.9, .95, .92],
                 ratio=ratio, low=low, high=high, verdict="faster")
+    results.add("against", "h", part="kernel", name="fuse.z/new", revision="abc", verdict="only in the new build")
+    results.add("skip", "s", kind_of_skip="cache", title="nothing changed, against an empty cache", graph="nlm-guided", seconds_with=[0.1],
+                seconds_without=[0.2], cpu_with=[0.2], cpu_without=[0.4], peak_with=2**20, peak_without=2**22, equal_pixels=True,
+                reasons={"its result is in the cache": {"nodes": ["first"], "pixels": 0, "saved_seconds": None}})
     html_report.write(results)
     return folder / "out"
 
@@ -101,6 +106,28 @@ class Statistics(unittest.TestCase):
         kernels.oracle_pairs(pair)
         self.assertEqual(pair[1]["times_faster_than_oracle"], 4.0)
         self.assertNotIn("times_faster_than_oracle", pair[2])
+
+    def test_names_keep_clear_of_marks_and_of_one_another(self):
+        plot = svg.Plot("", svg.Axis(1, 100), svg.Axis(1, 100), "", "")
+        crowd = [(10 * 1.001 ** k, 10) for k in range(9)]  # all but on top of one another
+        plot.labels([([m], f"name{k}", "#000") for k, m in enumerate(crowd)], crowd)
+        boxes = []
+        for text in plot.body:
+            x, y, anchor = re.search(r'x="([\d.]+)" y="([\d.]+)".*text-anchor="(\w+)"', text).groups()
+            left = float(x) - {"start": 0, "middle": 14, "end": 28}[anchor]
+            boxes.append((left, float(y) - 7, left + 28, float(y)))
+        self.assertGreater(len(boxes), 3)
+        self.assertLess(len(boxes), 9)
+        for k, a in enumerate(boxes):
+            self.assertFalse(any(a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3] for b in boxes[:k]), boxes)
+            for px, py in ((plot.px(x), plot.py(y)) for x, y in crowd):
+                self.assertFalse(a[0] < px < a[2] and a[1] < py < a[3])
+
+    def test_scenes_with_one_reason_share_a_row(self):
+        data = lambda: None
+        data.title, data.missing = str, [
+            {"graph": "g", "scene": s, "spp": [str(n)], "reason": f"input 'color': the scene has no noisy_{n}.exr"} for s in "ab" for n in (4, 8)]
+        self.assertEqual(html_report.missing_rows(data), [["g", "a, b", "4, 8", "input 'color': the scene has no noisy_N.exr"]])
 
     def test_render_times(self):
         self.assertAlmostEqual(scenes.seconds_of("00:02.94"), 2.94)
@@ -159,7 +186,8 @@ class Driver(unittest.TestCase):
                 self.assertTrue(line[key], key)
 
     def test_figures_of_a_case(self):
-        case = next(x for x in self.lines() if x["kind"] == "quality" and x["spp"] == 8 and "equal_error_factor" in x)
+        case = next(x for x in self.lines() if x["kind"] == "quality" and x["spp"] == 8 and
+                    x["graph"] == "ray-histogram-fusion-stack")
         self.assertEqual(case["pixels"], 96 * 96)
         self.assertGreater(case["equal_error_factor"], 5)
         self.assertAlmostEqual(case["equal_error_factor"], case["noisy_errors"]["relmse"] / case["errors"]["relmse"])
@@ -172,7 +200,7 @@ class Driver(unittest.TestCase):
     def test_second_run_measures_nothing_again(self):
         before = [x for x in self.lines() if x["kind"] == "quality"]
         bench.main(["quality", "--data", str(self.folder / "data"), "--build", str(BUILD), "--out", str(self.out),
-                    "--graph", "ray-histogram-fusion-stack", "--spp", "4,8", "--repeats", "1"])
+                    *GRAPHS, "--spp", "4,8", "--repeats", "1"])
         self.assertEqual([x for x in self.lines() if x["kind"] == "quality"], before)
 
     def test_a_graph_whose_inputs_are_missing_is_listed(self):
@@ -237,6 +265,18 @@ addEventListener("load", () => {
   }
   left.value = "noisy";
   left.dispatchEvent(new Event("change"));
+  const rows = [...document.querySelectorAll("#choices tbody tr")];
+  answer.choices = rows.map((r) => r.dataset.graph);
+  answer.figures = rows.map((r) => Number(r.cells[2].textContent));
+  rows[rows.length - 1].click();
+  answer.clicked = [document.getElementById("graph").value, ...rows.filter((r) => r.classList.contains("chosen")).map((r) => r.dataset.graph)];
+  answer.clickedImage = document.getElementById("under").src.length;
+  rows[0].click();
+  answer.firstImage = document.getElementById("under").src.length;
+  answer.onPaper = [...document.querySelectorAll("#four img")].map((i) => i.src.length);
+  dispatchEvent(new Event("beforeprint"));
+  answer.folded = [...document.querySelectorAll("details")].filter((d) => !d.open).length;
+  answer.details = document.querySelectorAll("details").length;
   const slider = document.getElementById("position");
   slider.value = POSITION;
   slider.dispatchEvent(new Event("input"));
@@ -326,7 +366,7 @@ class Browser(unittest.TestCase):
         answer = json.loads(found.group(1).replace("&gt;", ">").replace("&lt;", "<").replace("&amp;", "&"))
         self.assertEqual(answer["errors"], [])
         self.assertEqual(set(answer["plots"]), {"plot-time-interior", "plot-spp-interior", "plot-roofline",
-                                                "plot-scaling-seconds", "plot-scaling-max_rss",
+                                                "plot-scaling-seconds", "plot-scaling-cpu_seconds", "plot-scaling-max_rss",
                                                 "plot-scaling-threads", "plot-against"})
         for name, plot in answer["plots"].items():
             self.assertGreater(plot["width"], 300, name)
@@ -342,6 +382,15 @@ class Browser(unittest.TestCase):
         self.assertEqual(answer["released"], answer["dragged"])
         self.assertIn("70%", answer["slid"])
         self.assertEqual(len(set(answer["views"])), 5)  # five pictures, none like another
+        # The list beside it: best first, and a click shows that graph.
+        self.assertEqual(set(answer["choices"]), {"ray-histogram-fusion-stack", "nlm-guided"})
+        self.assertEqual(answer["figures"], sorted(answer["figures"]))
+        self.assertEqual(answer["clicked"], [answer["choices"][-1]] * 2)
+        self.assertNotEqual(answer["clickedImage"], answer["firstImage"])
+        # On paper there is no wipe: four pictures, and nothing stays folded.
+        self.assertEqual(len(set(answer["onPaper"])), 4)
+        self.assertGreater(answer["details"], 2)
+        self.assertEqual(answer["folded"], 0)
 
     def test_pixels_follow_the_wipe(self):
         shots = {}

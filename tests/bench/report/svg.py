@@ -10,6 +10,8 @@ import math
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8B6914", "#7F7F7F"]
 SHAPES = ["square", "triangle", "diamond", "down", "cross", "plus", "star", "bar"]
 DASHES = ["", "6 3", "2 2.5", "8 3 2 3", "4 2", "10 4", "1 3", "12 3 3 3"]
+# For letters: the pale ones of the palette are hard to read on white.
+DEEP = {"#E69F00": "#946600", "#56B4E9": "#1B76AB", "#CC79A7": "#9C3F74", "#7F7F7F": "#5F5F5F"}
 INK, GRID = "#1c1c1c", "#e3e3e3"
 
 
@@ -134,6 +136,25 @@ class Plot:
         turn = f' transform="rotate({rotate:.1f} {px:.1f} {py:.1f})"' if rotate else ""
         self.body.append(f'<text x="{px:.1f}" y="{py:.1f}" fill="{colour}" text-anchor="{anchor}"'
                          f' font-size="{size}" class="halo"{turn}>{escape(text)}</text>')
+
+    def labels(self, wanted, obstacles, size=10.5):
+        """Names beside their marks, each where it covers neither a mark nor another name; what finds no such
+        place goes without. wanted: (marks it may stand beside, text, colour), the important first; obstacles: all marks."""
+        taken = [(self.px(x) - 6, self.py(y) - 6, self.px(x) + 6, self.py(y) + 6) for x, y in obstacles]
+        places = ((9, 4, "start"), (-9, 4, "end"), (0, -9, "middle"), (0, 16, "middle"),
+                  (7, -6, "start"), (7, 13, "start"), (-7, -6, "end"), (-7, 13, "end"))
+        for marks, text, colour in wanted:
+            width = 0.59 * size * len(text)
+            for (x, y), (dx, dy, anchor) in ((m, p) for m in marks for p in places):
+                left = self.px(x) + dx - {"start": 0, "middle": width / 2, "end": width}[anchor]
+                base = self.py(y) + dy
+                box = (left, base - 0.8 * size, left + width, base + 0.25 * size)
+                free = not any(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in taken)
+                if free and box[0] > self.left and box[2] < self.width - self.right and \
+                        box[1] > self.top and box[3] < self.height - self.bottom:
+                    taken.append(box)
+                    self.text(x, y, text, DEEP.get(colour, colour), anchor, dx, dy, size=size)
+                    break
 
     def angle(self, x0, y0, x1, y1):
         """Of a line on the page, in degrees, for text along it."""
