@@ -15,12 +15,12 @@ HWY_BEFORE_NAMESPACE();
 namespace rayloom::simd::HWY_NAMESPACE
 {
 
-/// power ← 2^−x for 0 ≤ x < zero_from ≤ 126, 0 from there on and for NaN, for N vectors side by
-/// side: one alone waits for its own results most of the time.
-/// \tparam degree of the polynomial: 4 has a relative error below 3e-6, 5 one below 3e-7 and
+/// power ← 2^−x for 0 ≤ x ≤ 126, anything elsewhere, for N vectors side by side: one alone waits
+/// for its own results most of the time. \tparam degree of the polynomial: 4 has a relative error
+/// below 3e-6, 5 one below 3e-7 and
 ///         is exactly 1 at 0.
 template <int degree, int N>
-HWY_INLINE void Exp2Minus(const V (&x)[N], float zero_from, V (&power)[N])
+HWY_INLINE void Exp2MinusInRange(const V (&x)[N], V (&power)[N])
 {
     static_assert(degree == 4 || degree == 5);
     constexpr float c[6] = {
@@ -53,11 +53,29 @@ HWY_INLINE void Exp2Minus(const V (&x)[N], float zero_from, V (&power)[N])
     for (int i = 0; i < N; ++i) {
         const auto bits =
             hn::Add(hn::BitCast(di, low[i]), hn::ShiftLeft<23>(hn::BitCast(di, shifted[i])));
-        power[i] = hn::IfThenElseZero(hn::Lt(x[i], hn::Set(d, zero_from)), hn::BitCast(d, bits));
+        power[i] = hn::BitCast(d, bits);
     }
 }
 
+/// power ← 2^−x for 0 ≤ x < zero_from ≤ 126, 0 from there on and for NaN.
+template <int degree, int N>
+HWY_INLINE void Exp2Minus(const V (&x)[N], float zero_from, V (&power)[N])
+{
+    const D d;
+    Exp2MinusInRange<degree>(x, power);
+    for (int i = 0; i < N; ++i)
+        power[i] = hn::IfThenElseZero(hn::Lt(x[i], hn::Set(d, zero_from)), power[i]);
+}
+
 /// The same for one vector.
+template <int degree>
+HWY_INLINE V Exp2MinusInRange(V x)
+{
+    const V in[1] = {x};
+    V power[1];
+    Exp2MinusInRange<degree>(in, power);
+    return power[0];
+}
 template <int degree>
 HWY_INLINE V Exp2Minus(V x, float zero_from)
 {

@@ -40,6 +40,13 @@ struct NlmSettings {
 /// σ = (2·radius + 1) / 3.
 std::vector<float> nlm_patch_weights(int radius);
 
+/// Neighbouring offsets of one row of the window that are worked on together, so that what they
+/// share is loaded once and their rows stay in the first-level cache.
+constexpr int nlm_group_size = 8;
+/// Rows whose patch distances are summed along columns together: what lies in the second-level
+/// cache is loaded once for all of them.
+constexpr int nlm_column_rows = 4;
+
 /// log₂ e: weights are computed as powers of two.
 constexpr float nlm_log2_e = 1.44269504f;
 
@@ -51,7 +58,8 @@ Region nlm_sums_region(const Region& region);
 std::size_t nlm_scratch_bytes(const Region& region, const NlmSettings& settings);
 
 /// Planes of one frame, each over nlm_plane_region(). Pixels outside the image: `guide` continues
-/// it in whatever way patches are to see it, `inverse` is infinite, the rest is finite.
+/// it in whatever way patches are to see it, `inverse` is infinite, the rest is finite. The planes
+/// have the channel stride of one buffer.
 struct NlmFrame {
     ConstImageView guide;    ///< divided by the root of its number of channels
     ConstImageView inverse;  ///< log₂ e / (2 σ_r²)

@@ -91,26 +91,34 @@ void fast(benchmark::State& state, const Case& c)
     settings.sigma_s = static_cast<float>(c.window) / 3.0f;
     settings.gate = c.gate;
     const Region planes = nlm_plane_region(c.region, settings);
-    ImageBuffer guide(planes, 3), inverse(planes, 1), spread(planes, 3),
-        sums(nlm_sums_region(c.region), 4);
+    ImageBuffer storage(planes, 3 + 1 + 3 + 3 + 3), sums(nlm_sums_region(c.region), 4);
+    auto take = [&, next = 0](int channels) mutable {
+        next += channels;
+        return storage.view().channel_range(next - channels, channels);
+    };
+    const ImageView guide = take(3), inverse = take(1), image = take(3), low = take(3),
+                    high = take(3);
     for (int y = planes.y0; y < planes.y1; ++y)
         for (int x = planes.x0; x < planes.x1; ++x) {
             for (int k = 0; k < 3; ++k) {
-                guide.view().at(k, x, y) = s.guide.view().at(k, x, y) / std::sqrt(3.0f);
-                const float h = 0.5f * (s.high.view().at(k, x, y) - s.low.view().at(k, x, y));
-                spread.view().at(k, x, y) = h * h;
+                guide.at(k, x, y) = s.guide.view().at(k, x, y) / std::sqrt(3.0f);
+                image.at(k, x, y) = s.image.view().at(k, x, y);
+                low.at(k, x, y) = s.low.view().at(k, x, y);
+                high.at(k, x, y) = s.high.view().at(k, x, y);
+                const float h = 0.5f * (high.at(k, x, y) - low.at(k, x, y));
+                if (c.gate == NlmGate::two_sample) low.at(k, x, y) = h * h;
             }
-            inverse.view().at(0, x, y) = nlm_log2_e / (2.0f * s.guide_variance.view().at(0, x, y));
+            inverse.at(0, x, y) = nlm_log2_e / (2.0f * s.guide_variance.view().at(0, x, y));
         }
     NlmFrame frame;
-    frame.guide = guide.view();
-    frame.inverse = inverse.view();
-    frame.image = s.image.view();
-    if (c.gate != NlmGate::none) frame.tested = s.image.view();
-    if (c.gate == NlmGate::two_sample) frame.spread = spread.view();
+    frame.guide = guide;
+    frame.inverse = inverse;
+    frame.image = image;
+    if (c.gate != NlmGate::none) frame.tested = image;
+    if (c.gate == NlmGate::two_sample) frame.spread = low;
     if (c.gate == NlmGate::one_sample) {
-        frame.low = s.low.view();
-        frame.high = s.high.view();
+        frame.low = low;
+        frame.high = high;
     }
     for (auto _ : state) nlm_sums({c.region, window, settings, {&frame, 1}, sums.view()});
     per_pixel(state, c);
