@@ -43,10 +43,11 @@ def limits_of(lines):
     return limits
 
 
-def pixels_of(line, seconds):
+def pixels_of(line):
+    """Google Benchmark divides by wall-clock time where a benchmark is by that, and says so in its name."""
     if "items_per_second" in line:
-        real = line["real_time"] * NANOSECONDS[line["time_unit"]] * 1e-9
-        return line["items_per_second"] * real
+        time = line["real_time"] if "/real_time" in line["name"] else line["cpu_time"]
+        return line["items_per_second"] * (time * NANOSECONDS[line["time_unit"]] * 1e-9)
     if "time_per_pixel" in line:
         cpu = line["cpu_time"] * NANOSECONDS[line["time_unit"]] * 1e-9
         return cpu / line["time_per_pixel"]
@@ -58,7 +59,7 @@ def figures(line, limits):
     seconds, threads = seconds_of(line), threads_of(line)
     out = {"name": line["name"], "threads": threads, "seconds": seconds,
            "real_seconds": line["real_time"] * NANOSECONDS[line["time_unit"]] * 1e-9}
-    pixels = pixels_of(line, seconds)
+    pixels = pixels_of(line)
     if not pixels:
         return out
     out["pixels"] = round(pixels)
@@ -113,13 +114,16 @@ def kernels(program, results, pattern=".", min_time=0.2):
         for what, by_threads in limits.items() for n, value in by_threads.items()))
     names = [n for n in run([program.bench, "--benchmark_list_tests", f"--benchmark_filter={pattern}"]).out.split()
              if not n.startswith("machine/")]
-    entries = []
+    entries, groups = [], {}
     for name in names:
-        part = f"kernel:{name}:{min_time}:{program.identity}:{file_hash(program.bench)}"
+        groups.setdefault("/".join(name.split("/")[:2]), []).append(name)
+    # Sizes and threads of a node run in one process: starting it takes longer than many of them.
+    for group, of in groups.items():
+        part = f"kernel:{'|'.join(of)}:{min_time}:{program.identity}:{file_hash(program.bench)}"
         known = results.known(part)
         if known is None:
-            lines = run_benchmarks(program, "^" + re.escape(name).replace(r"\-", "-") + "$", min_time)
-            known = results.add("kernel_run", part, what=name, raw=lines)
+            lines = run_benchmarks(program, "^(" + "|".join(re.escape(n).replace(r"\-", "-") for n in of) + ")$", min_time)
+            known = results.add("kernel_run", part, what=group, raw=lines)
         entries += [figures(line, limits) for line in known["raw"]]
     oracle_pairs(entries)
     for entry in entries:

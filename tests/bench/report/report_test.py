@@ -91,13 +91,15 @@ class Statistics(unittest.TestCase):
 
     def test_roofline(self):
         limits = {"triad": {1: 1e10}, "mul_add": {1: 1e11}}
-        line = {"name": "a/b", "cpu_time": 1.0, "real_time": 2.0, "time_unit": "ms", "items_per_second": 5e8,
+        line = {"name": "a/b/real_time", "cpu_time": 1.0, "real_time": 2.0, "time_unit": "ms", "items_per_second": 5e8,
                 "flops_per_pixel": 4.0, "bytes_per_pixel": 8.0}
         out = kernels.figures(line, limits)  # 1e6 pixels in 1 ms of processor time
         self.assertEqual(out["pixels"], 1000000)
         self.assertAlmostEqual(out["flops_per_second"], 4e9)
         self.assertEqual(out["bound_by"], "memory")
         self.assertAlmostEqual(out["share_of_limit"], 4e9 / 5e9)
+        by_cpu = kernels.figures({**line, "name": "a/plain_b"}, limits)  # the rate is by processor time
+        self.assertEqual(by_cpu["pixels"], 500000)
         copy = kernels.figures({**line, "flops_per_pixel": 0.0}, limits)  # only memory bounds it
         self.assertAlmostEqual(copy["share_of_limit"], 8e9 / 1e10)
         pair = [{"name": "a/plain_b/16x8", "ns_per_pixel": 8.0, "threads": 1},
