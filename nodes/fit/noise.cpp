@@ -29,9 +29,9 @@ public:
         double s = 0.19;
         double p = 1.5;
         double margin = 1.0;
-        double excess = 4.0;
-        double growth = 1.2;
-        double least_shape = 1.5;
+        double excess = 1.0;
+        double growth = 0.12;
+        double least_shape = 2.0;
     };
 
     static void describe(Declaration<Params>& d);
@@ -73,24 +73,26 @@ void FitNoise::describe(Declaration<Params>& d)
              "band is taken (of images above half a million pixels, of every second strip of 64 "
              "rows or fewer). Without one the noise is taken to be independent from pixel "
              "to pixel (a box pixel filter) and to make up the high-pass; the other bands are "
-             "given the high-pass's figures (high) and scale them by the gain of their filters, "
-             "and by `growth` for each level: the noise of a logarithm has a mean that varies "
-             "with its strength, so it is not white. Noise is everywhere, edges are not: the "
-             "deviation "
+             "given the high-pass's figures (high) and scale them by the gain of their filters "
+             "and by √(1 + `growth` · 4^level), level 0 being the high-pass: the noise of a "
+             "logarithm has a mean that varies "
+             "with its strength, so it is not white, and what varies slowly has a power that "
+             "quadruples with the distance of a filter's taps. Noise is everywhere, edges are "
+             "not: the deviation "
              "is six times the median size at the most (renders have 1.6 to 3.3), so an image "
              "without noise, whose high-pass is next to nothing but at its edges, keeps "
              "them.\n\n"
              "Second and fourth moments give deviation and shape. The deviation is multiplied by "
              "`margin` · (1 + `excess` · σ²), σ² being the variance that independent noise in the "
-             "pixels would have: one figure stands for an image whose noise is stronger here than "
-             "there, the more so the stronger it is, as a logarithm cuts what is far above its "
-             "mean; and too much of it does less harm than too little. The shape is not let below "
+             "pixels would have: strong noise has specks that one deviation does not tell of, and "
+             "too much of it does less harm than too little. The shape is not let below "
              "`least_shape`: the long tails (p of 0.4 to 1.3 on renders) are those of a strength "
-             "that varies, not of the noise at any one place. Coefficients that are exactly zero "
-             "(a black background) are not counted.\n\n"
+             "that varies, not of the noise at any one place. Where it varies much, divide bands "
+             "and difference by a map of it first (fit.noise_map). Coefficients that are exactly "
+             "zero (a black background) are not counted.\n\n"
              "The low-pass has no noise figures: it is not cored. `kurtosis` is as measured.")
         .source("001_6a300dc64642895d.txt, section 3; auto: MATH.md, section 3")
-        .version(3)
+        .version(4)
         .accuracy("Deviation and kurtosis within 2 % from 10⁶ independent values.")
         .example("rayloom: 1\n"
                  "name: fit-noise-example\n"
@@ -124,8 +126,9 @@ void FitNoise::describe(Declaration<Params>& d)
         .range(0.0, 100.0)
         .source("docs/methods/bayesian-wavelet.md");
     d.param("growth", &Params::growth,
-            "Times the scale for each level, where the high-pass stands for other bands.")
-        .range(0.1, 10.0)
+            "Variance that is added to 1, times 4^level, where the high-pass stands for other "
+            "bands.")
+        .range(0.0, 10.0)
         .source("docs/methods/bayesian-wavelet.md");
     d.param("least_shape", &Params::least_shape, "Least shape of measured noise.")
         .range(least_shape, greatest_shape)
@@ -261,7 +264,7 @@ FitNoise::finish(std::span<const double> totals, std::span<const TileContext::In
                                  " channels, band has " + std::to_string(m_channels.size()));
             noise = noise_of(high, c);
             noise.s *= m_band.white_noise_gain() / SteerableBand{}.white_noise_gain() *
-                       std::pow(m_params.growth, m_band.level);
+                       std::sqrt(1.0 + m_params.growth * std::exp2(2 * m_band.level));
             kurtosis = high.number("kurtosis", c);
             source = "high-pass";
             break;

@@ -30,7 +30,8 @@ void smooth(ConstImageView in, int d, const Region& r, ImageBuffer& between, Ima
                    middle.row(0, y + d), middle.row(0, y + 2 * d), to.row(0, y), n);
 }
 
-/// K of `in`, in place of it; `in` covers r grown by spread_reach().
+} // namespace
+
 void spread(int scale, const Region& r, ImageBuffer& in, ImageBuffer& between, ImageBuffer& other)
 {
     for (int s = 0; s < scale; ++s) {
@@ -39,6 +40,9 @@ void spread(int scale, const Region& r, ImageBuffer& in, ImageBuffer& between, I
         std::swap(in, other);
     }
 }
+
+namespace
+{
 
 /// Below it there is nothing to share by.
 constexpr float least = 1e-30f;

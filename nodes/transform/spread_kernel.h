@@ -13,6 +13,10 @@ namespace rayloom
 /// Pixels the kernel K reaches: 2·(1 + 2 + … + 2^(scale−1)).
 inline constexpr int spread_reach(int scale) { return 2 * ((1 << scale) - 1); }
 
+/// K of `in`, one channel over r grown by spread_reach(), in place of it, over r. The others are
+/// scratch.
+void spread(int scale, const Region& r, ImageBuffer& in, ImageBuffer& between, ImageBuffer& other);
+
 /// One channel each. f = max(image, 0), n = reference and w = max(weight, 0) (1 where `weight` is
 /// null) are mirrored beyond `window`.
 struct EnergyImages {

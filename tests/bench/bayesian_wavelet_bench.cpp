@@ -46,14 +46,21 @@ void whole(benchmark::State& state, bool halves)
                 "  log_b: {op: transform.log, image: b, figures: log.figures}\n"
                 "  difference: {op: oiio.sub, image: log_a.log, other: log_b.log}\n"
                 "  half: {op: oiio.mul, image: difference, value: [0.5]}\n"
-                "  noise: {op: fit.noise, band: bands, difference: half}\n";
+                "  rest: {op: multiscale.steerable, image: half, levels: 1}\n"
+                "  map: {op: fit.noise_map, band: 'rest[0]'}\n"
+                "  even_half: {op: oiio.div, image: half, other: map}\n"
+                "  even: {op: transform.scale_band, band: bands, map: map}\n"
+                "  noise: {op: fit.noise, band: even, difference: even_half}\n";
     else
-        text += "  high: {op: fit.noise, band: 'bands[0]'}\n"
-                "  noise: {op: fit.noise, band: bands, high: high.figures}\n";
+        text += "  map: {op: fit.noise_map, band: 'bands[0]'}\n"
+                "  even: {op: transform.scale_band, band: bands, map: map}\n"
+                "  high: {op: fit.noise, band: 'even[0]'}\n"
+                "  noise: {op: fit.noise, band: even, high: high.figures}\n";
     text +=
-        "  fit: {op: fit.laplacian, band: bands, noise: noise.figures}\n"
-        "  shrunk: {op: threshold.coring, band: bands, fit: fit.figures}\n"
-        "  joined: {op: multiscale.steerable_inverse, bands: shrunk.band}\n"
+        "  fit: {op: fit.laplacian, band: even, noise: noise.figures}\n"
+        "  shrunk: {op: threshold.coring, band: even, fit: fit.figures}\n"
+        "  back: {op: transform.scale_band, band: shrunk.band, map: map, mode: multiply}\n"
+        "  joined: {op: multiscale.steerable_inverse, bands: back}\n"
         "  linear: {op: transform.exp, image: joined, figures: log.figures}\n"
         "  energy: {op: transform.restore_mean, image: linear, reference: image, mode: balance,\n"
         "           figures: log.figures, weight: image, scale: 3}\n"

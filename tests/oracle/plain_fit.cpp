@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/multiscale/steerable_kernel.h"
 #include "tests/oracle/plain_nodes.h"
+#include "tests/oracle/restore_mean.h"
 
 #include <boost/math/special_functions/gamma.hpp>
 
@@ -118,16 +119,53 @@ PlainResult plain_fit_noise(const PlainInput& in)
     auto& columns = out.tables["noise"];
     for (int c = 0; c < 3; ++c) {
         const Moments m = moments_of(in.image("band"), c, {});
-        const double shape = std::max(fit_density(m.second, m.fourth).p, 1.5);
+        const double shape = std::max(fit_density(m.second, m.fourth).p, 2.0);
         // The high-pass 1 − [1 2 1]ᵀ[1 2 1]/16 makes √(¾² + 4/64 + 4/256) of a pixel's noise.
         const double measured = std::min(std::sqrt(m.second), 6.0 * median_size(m.values));
         const double pixel_variance = measured * measured / (0.5625 + 4.0 / 64.0 + 4.0 / 256.0);
-        const double deviation = (1.0 + 4.0 * pixel_variance) * measured;
+        const double deviation = (1.0 + pixel_variance) * measured;
         columns["p_n"].push_back(shape);
         columns["s_n"].push_back(deviation / std::sqrt(variance_of_shape(shape)));
         columns["deviation"].push_back(deviation);
         columns["kurtosis"].push_back(m.fourth / m.second / m.second);
     }
+    return out;
+}
+
+PlainResult plain_fit_noise_map(const PlainInput& in)
+{
+    const Raster<double>& band = in.image("band");
+    std::vector<double> mean(3, 0.0);
+    for (std::size_t c = 0; c < 3; ++c) {
+        const Moments m = moments_of(band, static_cast<int>(c), {});
+        for (const double v : m.values)
+            mean[c] += std::sqrt(std::abs(v)) / static_cast<double>(m.values.size());
+    }
+    const Raster<double> size = make_raster(band, 1, [&](int, int x, int y) {
+        double sum = 0.0;
+        for (int c = 0; c < 3; ++c)
+            sum += std::sqrt(std::abs(band.at(c, x, y))) / mean[static_cast<std::size_t>(c)] / 3.0;
+        return sum;
+    });
+    const Raster<double> near = spread(size, 4);
+    const Raster<double> count =
+        spread(make_raster(size, 1,
+                           [&](int c, int x, int y) { return size.at(c, x, y) > 0.0 ? 1.0 : 0.0; }),
+               4);
+    PlainResult out;
+    out.images["map"] = {make_raster(size, 1, [&](int c, int x, int y) {
+        return std::clamp(std::pow(near.at(c, x, y) / count.at(c, x, y), 2.0), 0.25, 4.0);
+    })};
+    return out;
+}
+
+PlainResult plain_scale_band(const PlainInput& in)
+{
+    const Raster<double>& band = in.image("band");
+    const Raster<double> map = plain_fit_noise_map(in).images.at("map").front();
+    PlainResult out;
+    out.images["image"] = {make_raster(
+        band, 3, [&](int c, int x, int y) { return band.at(c, x, y) / map.at(0, x, y); })};
     return out;
 }
 

@@ -51,6 +51,14 @@ std::vector<NodeWork> filters()
          graph("band: {doc: the high-pass, channels: \"high.R,high.G,high.B\"}",
                "noise: {op: fit.noise, band: band}", "noise: noise.figures"),
          fitted, rgb, "moments as in fit.laplacian; the high-pass read", plain_fit_noise, 1e-5},
+        {"fit.noise_map",
+         graph("band: {doc: the high-pass, channels: \"high.R,high.G,high.B\"}",
+               "map: {op: fit.noise_map, band: band}", "map: map"),
+         3 * 5 + 4 * 2 * 7 + 4, rgb + value_bytes,
+         "of each value its size, root, share and sum, and the sum of roots before (5); four "
+         "separable splines of five taps (7 a row); ratio, square and bounds; the high-pass read "
+         "twice, since it wants its mean, and the map written",
+         plain_fit_noise_map, 1e-5},
         {"fit.plane", "", 25 * (50 + 15 + 5), rgb + rgb + rgb + value_bytes * (2 + 5 * 3 * 3),
          "no less than 5×5 pixels of: weight of equation 10 (20), sums of w, wx, wy, wxx, wxy, wyy "
          "and of z, xz, yz of three colours (30), weight of normals (15), quadrants (5); light, "
@@ -325,6 +333,13 @@ std::vector<NodeWork> transforms()
          "K twice, three smoothings of 14 each, and clamp, division, product, sum; two images "
          "read, one written",
          plain_restore_mean, 1e-5},
+        {"transform.scale_band",
+         graph("band: {doc: the high-pass, channels: \"high.R,high.G,high.B\"}",
+               "map: {op: fit.noise_map, band: band}, even: {op: transform.scale_band, band: band, "
+               "map: map}",
+               "image: even"),
+         3, 2 * rgb + value_bytes, "a quotient a value; band and map read, band written",
+         plain_scale_band, 1e-5},
         {"transform.sequence",
          graph("before: {doc: frames, kind: list, channels: RGB}, " + colours({"frame"}),
                "frames: {op: transform.sequence, before: before, frame: frame}", "frames: frames"),

@@ -59,6 +59,8 @@ std::string graph_text(const NodeWork& work);
 PlainResult plain_flash_intensity(const PlainInput&);
 PlainResult plain_fit_laplacian(const PlainInput&);
 PlainResult plain_fit_noise(const PlainInput&);
+PlainResult plain_fit_noise_map(const PlainInput&);
+PlainResult plain_scale_band(const PlainInput&);
 PlainResult plain_band_fit(const PlainInput&);
 PlainResult plain_sum(const PlainInput&);
 PlainResult plain_residual(const PlainInput&);

@@ -61,7 +61,7 @@ TEST(FitNoise, TheHighPassOfOneImageWillDo)
     const auto figures = tables_of("  bands: {op: multiscale.steerable, image: image, levels: 2}\n"
                                    "  high: {op: fit.noise, band: 'bands[0]', excess: 0}\n"
                                    "  noise: {op: fit.noise, band: bands, high: high.figures,\n"
-                                   "          growth: 1}\n",
+                                   "          growth: 0}\n",
                                    "  image: any\n", {{"image", image}});
     for (std::size_t i = 0; i < 9; ++i) {
         const double gain = i == 0 ? std::sqrt(41.0 / 64.0) : i % 2 == 1 ? std::sqrt(0.125) : 0.25;
@@ -101,23 +101,25 @@ TEST(FitNoise, MarginGrowthAndLeastShape)
                              bands + "}\n",
                          "  image: any\n", {{"image", image}});
     };
-    const auto plain = run(", excess: 0, least_shape: 0.3", ", growth: 1"),
-               least = run(", excess: 0", ", growth: 1"),
-               all = run(", excess: 0, margin: 1.5, least_shape: 0.3", ", growth: 1.25");
+    const auto plain = run(", excess: 0, least_shape: 0.3", ", growth: 0"),
+               least = run(", excess: 0", ", growth: 0"),
+               all = run(", excess: 0, margin: 1.5, least_shape: 0.3", ", growth: 0.25");
     // The black quarter is not counted.
     EXPECT_NEAR(plain[0].number("deviation"), 0.8 * std::sqrt((15.0 + 135.0 * 0.01) / 150.0), 0.02);
     EXPECT_LT(plain[0].number("p_n"), 1.0);
     EXPECT_GT(plain[0].number("kurtosis"), 10.0);
-    EXPECT_EQ(least[0].number("p_n"), 1.5);
+    EXPECT_EQ(least[0].number("p_n"), 2.0);
     EXPECT_NEAR(least[5].number("deviation"), plain[5].number("deviation"), 1e-9);
-    const auto stronger = run(", excess: 2, least_shape: 0.3", ", growth: 1");
+    const auto stronger = run(", excess: 2, least_shape: 0.3", ", growth: 0");
     const double variance = std::pow(plain[0].number("deviation"), 2.0) / (41.0 / 64.0);
     EXPECT_NEAR(stronger[3].number("deviation"),
                 (1.0 + 2.0 * variance) * plain[3].number("deviation"), 1e-9);
     for (const std::size_t i : {0u, 1u, 6u, 12u}) {
         const int level = i == 0 ? 0 : static_cast<int>((i - 1) / 4) + 1;
         EXPECT_NEAR(all[i].number("deviation"),
-                    1.5 * std::pow(1.25, level) * plain[i].number("deviation"), 1e-9);
+                    1.5 * std::sqrt(1.0 + 0.25 * std::pow(4.0, level)) *
+                        plain[i].number("deviation"),
+                    1e-9);
     }
 }
 

@@ -169,6 +169,30 @@ TEST(BayesianWavelet, AnImageWithoutNoiseStays)
     }
 }
 
+TEST(BayesianWavelet, NoiseOfOneHalfDoesNotBlurTheOther)
+{
+    // Strong noise on the left, a fifth of it and a chequerboard on the right.
+    const Region window{0, 0, 240, 120};
+    const auto truth = [](int x, int y) { return x < 120 || (x / 20 + y / 20) % 2 ? 1.0f : 1.5f; };
+    for (const int count : {1, 4}) {
+        const RunRequest request = stack(window, count, [&](int x, int y, float noise) {
+            return truth(x, y) * (x < 120 ? noise : 0.8f + 0.2f * noise);
+        });
+        const RunReport report = run_graph(graph("bayesian-wavelet-stack"), request, {});
+        const ConstImageView light = report.images.at("indirect")[0].pixels.view();
+        double left = 0.0, right = 0.0;
+        for (int y = 10; y < 110; ++y)
+            for (int x = 10; x < 80; ++x) {
+                left += std::pow(light.at(1, x, y) - truth(x, y), 2.0) / 7000.0;
+                right += std::pow(light.at(1, 239 - x, y) - truth(239 - x, y), 2.0) / 7000.0;
+            }
+        // One strength for both sides would leave the chequerboard off by more than its noise.
+        const double noise = std::sqrt(0.5 / count);
+        EXPECT_LT(std::sqrt(left), 0.25 * noise) << count;
+        EXPECT_LT(std::sqrt(right), 0.2 * noise) << count;
+    }
+}
+
 TEST(BayesianWavelet, StacksOfAnySizeAreTaken)
 {
     const Region window{-2, 3, 91, 86};
