@@ -11,17 +11,6 @@ namespace rayloom
 namespace
 {
 
-/// The colour channels as one view; they are neighbours in every image there is.
-int first_of_run(const std::vector<int>& channels, const char* port)
-{
-    for (std::size_t i = 1; i < channels.size(); ++i)
-        if (channels[i] != channels[0] + static_cast<int>(i))
-            throw NodeError("the colour channels of input '" + std::string(port) +
-                            "' must stand together and in order; take them with "
-                            "transform.layer first");
-    return channels[0];
-}
-
 /// Planes through the surroundings of each pixel.
 class FitPlane final : public Node
 {
@@ -36,12 +25,14 @@ public:
         float max_noise = 8.0f;
         float variation = 0.3f;
         float confidence = 2.0f;
+        int stride = PlaneSettings().stride;
+        int dense = PlaneSettings().dense;
     };
 
     static void describe(Declaration<Params>& d)
     {
         d.name("fit.plane")
-            .version(2)
+            .version(3)
             .summary("Fits planes to the square around each pixel and to its four quadrants, as "
                      "large as the noise asks for.")
             .doc(
@@ -53,7 +44,16 @@ public:
                 "taken). Planes are weighted least squares with weights exp(−k|z − ⟨z⟩|/scale − σ "
                 "− r²/R²) times the guides: n·n′ to the fourth power, 0 beyond 60°, and the share "
                 "of objects both pixels see. σ is the relative standard error of z, over 5×5 "
-                "pixels. The equation prints r²/R, which is no pure number; R² is.\n\n"
+                "pixels. The equation prints r²/R, which is no pure number; R² is. With `pivot` a "
+                "pixel also counts by the root of its brightest colour there (at most 1): the "
+                "darker the surface, the noisier what is divided by it.\n\n"
+                "Large squares overlap, so that few of them are needed: beyond a half-size of "
+                "`dense` only centres whose x and y are multiples of `stride` grow on. A centre in "
+                "between that would is left to them, and its radius is 0, if one of the nearest of "
+                "them gives its neighbours at least half of what it would (by the guides); if "
+                "none does it grows on as well. Of centres on a boundary none does: their planes "
+                "count for nobody else. The lattice begins at pixel 0: of a mirrored image other "
+                "centres grow.\n\n"
                 "All colours share the weights, which come from their mean. Pixels on a boundary, "
                 "marked ones, pixels that are not finite, and those with more than `max_noise` "
                 "are left out; where fewer than three well-spread pixels are left the plane is "
@@ -113,6 +113,13 @@ public:
         d.param("confidence", &Params::confidence,
                 "standard errors of the quadrant that are put down to noise")
             .min(0);
+        d.param("stride", &Params::stride,
+                "of the centres that grow beyond `dense`, in x and y; 1: all do")
+            .range(1, max_plane_stride)
+            .unit("px");
+        d.param("dense", &Params::dense, "half-size up to which every centre grows")
+            .range(max_plane_stride - 1, max_plane_radius)
+            .unit("px");
     }
 
     explicit FitPlane(const Params& p) : m(p) {}
@@ -149,6 +156,8 @@ public:
         m_settings.max_noise = m.max_noise;
         m_settings.variation = m.variation;
         m_settings.confidence = m.confidence;
+        m_settings.stride = m.stride;
+        m_settings.dense = m.dense;
         m_data = image.data;
         const int reach = plane_fit_reach(m_settings);
         for (const char* port : {"image", "variance", "marked"})

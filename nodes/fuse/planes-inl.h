@@ -39,8 +39,9 @@ HWY_INLINE void TimesExp2Minus(const V (&t)[N], V (&w)[N])
 class Guide
 {
 public:
-    Guide(const PlaneScene& scene, int x, int y)
-        : m_row(scene.pixels.view().ptr(0, x, y)), m_stride(scene.pixels.view().channel_stride()),
+    /// `own` is channel 0 of the pixels.
+    Guide(const PlaneScene& scene, const float* own)
+        : m_row(own), m_stride(scene.pixels.view().channel_stride()),
           m_normal(scene.normal * m_stride), m_parts(scene.parts * m_stride),
           m_pairs(scene.part_pairs), m_has_normal(scene.has_normal),
           m_lacks_normals(scene.lacks_normals)

@@ -28,11 +28,12 @@ struct FitJob {
     const PlaneSettings* settings = nullptr;
     const PlaneScene* scene = nullptr;
     const std::vector<FitRadius>* radii = nullptr;
-    Region part;
     int y = 0;
-    float* guide_weights = nullptr; ///< scratch: (2·max + 1)² vectors
-    float* results = nullptr;       ///< [channel][width + tail]
-    std::ptrdiff_t stride = 0;
+    int phase = 0, first = 0, end = 0;     ///< columns, as places of scene->columns
+    const std::ptrdiff_t* steps = nullptr; ///< to the column dx away, of this phase
+    float* guide_weights = nullptr;        ///< scratch: (2·max + 1)² vectors
+    float* results = nullptr;              ///< [channel][place]
+    std::ptrdiff_t result_stride = 0;
 };
 
 } // namespace
@@ -171,14 +172,15 @@ template <int C>
 class FitSums
 {
 public:
-    FitSums(const FitJob& job, int x)
-        : m_scene(*job.scene), m_view(job.scene->pixels.view()), m_weights(job.guide_weights),
-          m_x(x), m_y(job.y), m_largest(job.settings->max_radius)
+    /// `own` is channel 0 of the centres.
+    FitSums(const FitJob& job, const float* own)
+        : m_scene(*job.scene), m_weights(job.guide_weights), m_own(own), m_steps(job.steps),
+          m_largest(job.settings->max_radius)
     {
         const D d;
         m_lanes = LaneCount();
-        m_channel = m_view.channel_stride();
-        const float* const own = m_view.ptr(0, x, m_y);
+        m_row = m_scene.pixels.view().row_stride();
+        m_channel = m_scene.pixels.view().channel_stride();
         for (int c = 0; c < C; ++c) reference[c] = hn::LoadU(d, own + (m_scene.z + c) * m_channel);
         m_weight_sum = m_light_sum = m_noise_sum = hn::Zero(d);
     }
@@ -189,7 +191,7 @@ public:
     HWY_INLINE void Grow(int from, int to)
     {
         const D d;
-        const Guide guide(m_scene, m_x, m_y);
+        const Guide guide(m_scene, m_own);
         for (int dy = -to; dy <= to; ++dy) {
             const bool outside = std::abs(dy) > from;
             AddGuides(guide, dy, -to, outside ? to : -from - 1);
@@ -201,13 +203,12 @@ public:
             const V was = hn::LoadU(d, own);
             const V now = hn::Max(was, hn::Set(d, plane_own_weight));
             hn::StoreU(now, d, own);
-            const float* const at = m_view.ptr(0, m_x, m_y);
             const V more = hn::Sub(now, was);
+            const V light = hn::LoadU(d, m_own + m_scene.light * m_channel);
+            const V variance = hn::LoadU(d, m_own + m_scene.variance * m_channel);
             m_weight_sum = hn::Add(m_weight_sum, more);
-            m_light_sum =
-                hn::Add(m_light_sum, hn::Mul(more, hn::LoadU(d, at + m_scene.light * m_channel)));
-            m_noise_sum = hn::Add(m_noise_sum,
-                                  hn::Mul(more, hn::LoadU(d, at + m_scene.variance * m_channel)));
+            m_light_sum = hn::Add(m_light_sum, hn::Mul(more, light));
+            m_noise_sum = hn::Add(m_noise_sum, hn::Mul(more, variance));
         }
     }
 
@@ -274,26 +275,29 @@ private:
     {
         const D d;
         V weight_sum = m_weight_sum, light_sum = m_light_sum, noise_sum = m_noise_sum;
-        const std::ptrdiff_t source = m_scene.source * m_channel, light = m_scene.light * m_channel,
+        const std::ptrdiff_t weight = m_scene.weight * m_channel, light = m_scene.light * m_channel,
                              variance = m_scene.variance * m_channel;
         float* store = weight_at(from, dy);
-        const float* at = m_view.ptr(0, m_x + from, m_y + dy);
+        const float* const row = m_own + dy * m_row;
+        const std::ptrdiff_t* step = m_steps + from;
         const auto add = [&](V w, const float* pixel) HWY_ATTR {
             weight_sum = hn::Add(weight_sum, w);
             light_sum = hn::Add(light_sum, hn::Mul(w, hn::LoadU(d, pixel + light)));
             noise_sum = hn::Add(noise_sum, hn::Mul(w, hn::LoadU(d, pixel + variance)));
         };
         int n = to - from + 1;
-        for (; n >= 2; n -= 2, at += 2, store += 2 * m_lanes) {
-            const V first = hn::Mul(guide.With(at), hn::LoadU(d, at + source));
-            const V second = hn::Mul(guide.With(at + 1), hn::LoadU(d, at + 1 + source));
+        for (; n >= 2; n -= 2, step += 2, store += 2 * m_lanes) {
+            const float *const one = row + step[0], *const other = row + step[1];
+            const V first = hn::Mul(guide.With(one), hn::LoadU(d, one + weight));
+            const V second = hn::Mul(guide.With(other), hn::LoadU(d, other + weight));
             hn::StoreU(first, d, store);
             hn::StoreU(second, d, store + m_lanes);
-            add(first, at);
-            add(second, at + 1);
+            add(first, one);
+            add(second, other);
         }
         if (n > 0) {
-            const V last = hn::Mul(guide.With(at), hn::LoadU(d, at + source));
+            const float* const at = row + *step;
+            const V last = hn::Mul(guide.With(at), hn::LoadU(d, at + weight));
             hn::StoreU(last, d, store);
             add(last, at);
         }
@@ -308,12 +312,14 @@ private:
         V s, sx, triangle, noise, z[C], zx[C];
     };
 
-    /// Adds N pixels from `at` on, `step` apart.
+    /// Adds N pixels of a row, from the one `steps` leads to on, `step` apart.
     template <int N>
-    HWY_INLINE void AddPixels(const float* at, const float* guide, const float* distance, int step,
-                              Run& run) const
+    HWY_INLINE void AddPixels(const float* row, const std::ptrdiff_t* steps, const float* guide,
+                              const float* distance, int step, Run& run) const
     {
         const D d;
+        const float* at[N];
+        for (int i = 0; i < N; ++i) at[i] = row + steps[i * step];
         const std::ptrdiff_t light = m_scene.light * m_channel,
                              variance = m_scene.variance * m_channel, z = m_scene.z * m_channel;
         V t[N], w[N];
@@ -329,7 +335,7 @@ private:
             }
             return;
         }
-        for (int i = 0; i < N; ++i) t[i] = hn::Sub(hn::LoadU(d, at + i * step + light), m_mean);
+        for (int i = 0; i < N; ++i) t[i] = hn::Sub(hn::LoadU(d, at[i] + light), m_mean);
         for (int i = 0; i < N; ++i) t[i] = hn::Mul(hn::Abs(t[i]), m_range);
         for (int i = 0; i < N; ++i) t[i] = hn::Add(t[i], hn::Set(d, distance[-i]));
         TimesExp2Minus(t, w);
@@ -337,10 +343,10 @@ private:
             run.s = hn::Add(run.s, w[i]);
             run.sx = hn::Add(run.sx, run.s);
             run.triangle = hn::Add(run.triangle, run.sx);
-            run.noise = hn::Add(
-                run.noise, hn::Mul(hn::Mul(w[i], w[i]), hn::LoadU(d, at + i * step + variance)));
+            run.noise =
+                hn::Add(run.noise, hn::Mul(hn::Mul(w[i], w[i]), hn::LoadU(d, at[i] + variance)));
             for (int c = 0; c < C; ++c) {
-                const V value = hn::LoadU(d, at + i * step + z + c * m_channel);
+                const V value = hn::LoadU(d, at[i] + z + c * m_channel);
                 run.z[c] = hn::Add(run.z[c], hn::Mul(w[i], hn::Sub(value, reference[c])));
                 run.zx[c] = hn::Add(run.zx[c], run.z[c]);
             }
@@ -357,17 +363,18 @@ private:
         const int r = radius.r;
         const float* distance = radius.distance.data() + std::abs(dy) * (r + 1) + r;
         const float* guide = weight_at(outwards * r, dy);
-        const float* at = m_view.ptr(0, m_x + outwards * r, m_y + dy);
+        const float* const row = m_own + dy * m_row;
+        const std::ptrdiff_t* steps = m_steps + outwards * r;
         int n = r;
         for (; n >= side_by_side; n -= side_by_side) {
-            AddPixels<side_by_side>(at, guide, distance, -outwards, run);
+            AddPixels<side_by_side>(row, steps, guide, distance, -outwards, run);
             distance -= side_by_side;
             guide -= outwards * m_lanes * side_by_side;
-            at -= outwards * side_by_side;
+            steps -= outwards * side_by_side;
         }
-        if (n == 3) AddPixels<3>(at, guide, distance, -outwards, run);
-        if (n == 2) AddPixels<2>(at, guide, distance, -outwards, run);
-        if (n == 1) AddPixels<1>(at, guide, distance, -outwards, run);
+        if (n == 3) AddPixels<3>(row, steps, guide, distance, -outwards, run);
+        if (n == 2) AddPixels<2>(row, steps, guide, distance, -outwards, run);
+        if (n == 1) AddPixels<1>(row, steps, guide, distance, -outwards, run);
         sums.s = run.s;
         sums.sx = run.sx;
         sums.sxx = hn::Sub(hn::Add(run.triangle, run.triangle), run.sx);
@@ -392,7 +399,7 @@ private:
         const V zero = hn::Zero(D());
         Run run{zero, zero, zero, zero, {}, {}};
         for (int c = 0; c < C; ++c) run.z[c] = run.zx[c] = zero;
-        AddPixels<1>(m_view.ptr(0, m_x, m_y + dy), weight_at(0, dy),
+        AddPixels<1>(m_own + dy * m_row, m_steps, weight_at(0, dy),
                      radius.distance.data() + std::abs(dy) * (radius.r + 1), 0, run);
         sums.s = run.s;
         sums.noise = run.noise;
@@ -417,12 +424,37 @@ private:
     }
 
     const PlaneScene& m_scene;
-    ConstImageView m_view;
     float* m_weights;
-    int m_x, m_y, m_largest, m_lanes = 0;
-    std::ptrdiff_t m_channel = 0;
+    const float* m_own;
+    const std::ptrdiff_t* m_steps;
+    int m_largest, m_lanes = 0;
+    std::ptrdiff_t m_row = 0, m_channel = 0;
     V m_weight_sum, m_light_sum, m_noise_sum, m_mean, m_range;
 };
+
+/// The centres that grow beyond settings.dense: those of the lattice, and those no neighbour on it
+/// can stand in for; none on a boundary, whose planes are for nobody else.
+M GoOn(const FitJob& job, const float* own)
+{
+    const D d;
+    const PlaneScene& scene = *job.scene;
+    const ConstImageView view = scene.pixels.view();
+    const int stride = scene.columns.stride, over = job.y % stride;
+    const int down = over < 0 ? over + stride : over;
+    const std::ptrdiff_t source = scene.source * view.channel_stride();
+    const V open = hn::LoadU(d, own + source);
+    const M counts = hn::Gt(open, hn::Zero(d));
+    if (job.phase == 0 && down == 0) return counts;
+    const Guide guide(scene, own);
+    V best = hn::Zero(d);
+    for (int v = 0; v < (down > 0 ? 2 : 1); ++v)
+        for (int u = 0; u < (job.phase > 0 ? 2 : 1); ++u) {
+            const float* const other =
+                own + (v * stride - down) * view.row_stride() + job.steps[u * stride - job.phase];
+            best = hn::Max(best, hn::Mul(guide.With(other), hn::LoadU(d, other + source)));
+        }
+    return hn::And(counts, hn::Lt(best, hn::Mul(open, hn::Set(d, plane_stand_in))));
+}
 
 template <int C>
 void FitRow(const FitJob& job)
@@ -431,17 +463,27 @@ void FitRow(const FitJob& job)
     const int lanes = LaneCount();
     const PlaneSettings& set = *job.settings;
     const V one = hn::Set(d, 1.0f), zero = hn::Zero(d);
-    for (int x = job.part.x0; x < job.part.x1; x += lanes) {
-        FitSums<C> sums(job, x);
+    const std::ptrdiff_t begin = job.phase * job.scene->columns.segment;
+    const float* const row = job.scene->pixels.view().row(0, job.y) + begin;
+    for (int place = job.first; place < job.end; place += lanes) {
+        FitSums<C> sums(job, row + place);
         Plane<C> best[5];
         for (auto& p : best)
             for (int c = 0; c < C; ++c) p.a[c] = p.b[c] = p.c[c] = zero;
         V radius = zero, noise = zero;
         // Lanes beyond the region have nothing to find out.
-        M growing = hn::FirstN(d, static_cast<std::size_t>(std::min(lanes, job.part.x1 - x)));
-        M first = hn::Eq(zero, zero);
+        M growing = hn::FirstN(d, static_cast<std::size_t>(std::min(lanes, job.end - place)));
+        M first = hn::Eq(zero, zero), left_out = hn::Lt(one, zero);
         int known = -1;
+        bool thinned = set.stride == 1;
         for (const FitRadius& step : *job.radii) {
+            if (!thinned && known >= 0 && step.r > set.dense) {
+                const M on = GoOn(job, row + place);
+                left_out = hn::AndNot(on, growing);
+                growing = hn::And(on, growing);
+                if (hn::AllFalse(d, growing)) break;
+                thinned = true;
+            }
             sums.Grow(known, step.r);
             known = step.r;
             sums.SetRange(set);
@@ -479,15 +521,16 @@ void FitRow(const FitJob& job)
             if (hn::AllFalse(d, growing)) break;
         }
 
-        float* const to = job.results + (x - job.part.x0);
-        hn::StoreU(radius, d, to);
-        hn::StoreU(noise, d, to + job.stride);
+        float* const to = job.results + begin + place;
+        const std::ptrdiff_t stride = job.result_stride;
+        hn::StoreU(hn::IfThenElse(left_out, zero, radius), d, to);
+        hn::StoreU(noise, d, to + stride);
         for (int p = 0; p < 5; ++p)
             for (int c = 0; c < C; ++c) {
-                float* const at = to + (2 + (p * C + c) * 3) * job.stride;
+                float* const at = to + (2 + (p * C + c) * 3) * stride;
                 hn::StoreU(best[p].a[c], d, at);
-                hn::StoreU(best[p].b[c], d, at + job.stride);
-                hn::StoreU(best[p].c[c], d, at + 2 * job.stride);
+                hn::StoreU(best[p].b[c], d, at + stride);
+                hn::StoreU(best[p].c[c], d, at + 2 * stride);
             }
     }
 }
@@ -525,8 +568,7 @@ std::vector<int> plane_radii(const PlaneSettings& settings)
 std::size_t fit_planes_scratch(const PlaneSettings& settings, int colours, int part_channels)
 {
     const auto side = static_cast<std::size_t>(2 * settings.max_radius + 1);
-    return plane_scene_bytes(settings.max_radius, colours, part_channels) +
-           plane_scene_bytes(settings.max_radius + 2, colours, 0) +
+    return 2 * plane_scene_bytes(settings, colours, part_channels) +
            side * side * plane_tail * sizeof(float);
 }
 
@@ -535,8 +577,9 @@ double fit_planes(const PlaneSettings& settings, const Region& data, const Plane
 {
     const Region& part = out.region();
     const int colours = guides.image.channels(), channels = plane_coefficients(colours);
-    PlaneScene scene = make_plane_scene(settings.max_radius, part, data, guides, colours);
+    PlaneScene scene = make_plane_scene(settings, part, data, guides, colours);
     add_plane_light(scene, settings, data, guides);
+    separate_columns(scene);
     std::vector<FitRadius> radii;
     for (const int r : plane_radii(settings)) {
         FitRadius step{r, {}};
@@ -552,22 +595,33 @@ double fit_planes(const PlaneSettings& settings, const Region& data, const Plane
     job.settings = &settings;
     job.scene = &scene;
     job.radii = &radii;
-    job.part = part;
+    const PlaneColumns& columns = scene.columns;
+    const std::vector<std::ptrdiff_t> steps = column_steps(columns, settings.max_radius);
     job.guide_weights = weights.data();
-    job.stride = part.width() + plane_tail;
+    job.result_stride = scene.pixels.region().width();
     std::vector<float> results(static_cast<std::size_t>(channels) *
-                               static_cast<std::size_t>(job.stride));
+                               static_cast<std::size_t>(job.result_stride));
     job.results = results.data();
     double chosen = 0.0;
     for (int y = part.y0; y < part.y1; ++y) {
         each_row();
         job.y = y;
-        if (colours == 1)
-            HWY_DYNAMIC_DISPATCH(FitOne)(job);
-        else
-            HWY_DYNAMIC_DISPATCH(FitThree)(job);
-        for (int c = 0; c < channels; ++c)
-            std::copy_n(job.results + c * job.stride, part.width(), out.row(c, y));
+        for (job.phase = 0; job.phase < columns.stride; ++job.phase) {
+            job.first = columns.first(job.phase, part.x0);
+            job.end = columns.first(job.phase, part.x1);
+            job.steps =
+                steps.data() + job.phase * (2 * settings.max_radius + 1) + settings.max_radius;
+            if (colours == 1)
+                HWY_DYNAMIC_DISPATCH(FitOne)(job);
+            else
+                HWY_DYNAMIC_DISPATCH(FitThree)(job);
+            for (int c = 0; c < channels; ++c) {
+                const float* const from =
+                    job.results + c * job.result_stride + job.phase * columns.segment;
+                float* to = out.ptr(c, columns.column(job.phase, job.first), y);
+                for (int i = job.first; i < job.end; ++i, to += columns.stride) *to = from[i];
+            }
+        }
         for (const float r : out.row_span(0, y)) chosen += static_cast<double>(r);
     }
     return chosen;

@@ -2,6 +2,7 @@
 #include "nodes/fuse/planes_scene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -18,7 +19,7 @@ namespace rayloom
 namespace
 {
 
-/// Columns whose largest radius is known, so that what no square reaches is not looked at.
+/// Places whose largest radius is known, so that what no square reaches is not looked at.
 constexpr int block_width = 16;
 
 /// What one row of centres adds to one row of pixels.
@@ -27,14 +28,16 @@ struct FuseJob {
     PlaneBlend blend = PlaneBlend::max;
     Region part;
     int y = 0, cy = 0;
-    int x0 = 0, width = 0;         ///< of the row of centres
-    const float* planes = nullptr; ///< the row's coefficients, [channel][width + tail], from x0 on
-    const int* largest = nullptr;  ///< radius, for each block of columns from x0 on
-    float* values = nullptr;       ///< scratch: [3 planes · colours][width + tail]
-    std::ptrdiff_t stride = 0;     ///< of planes and values
-    float* sums = nullptr;         ///< of the row of pixels: weight, colours; [channel][…]
-    std::ptrdiff_t sum_stride = 0;
-    int reach = 0; ///< largest radius of the row
+    const float* planes = nullptr; ///< the row's coefficients, [channel][place]
+    const int* largest = nullptr;  ///< radius, for each phase and block of places
+    int blocks = 0;                ///< of a phase
+    float* values = nullptr;       ///< scratch: [3 planes · colours][place]
+    float* sums = nullptr;         ///< of the row of pixels: weight, colours; [channel][place]
+    std::ptrdiff_t stride = 0;     ///< of planes, values and sums
+    const std::ptrdiff_t* steps = nullptr; ///< of column_steps(), from max_radius on
+    int max_radius = 0;
+    std::array<int, max_plane_stride> reaches{}; ///< largest radius of the row's phases
+    int reach = 0;                               ///< of all of them
 };
 
 } // namespace
@@ -56,12 +59,19 @@ HWY_INLINE void Evaluate(const FuseJob& job, int plane, float dy, float* to)
     const D d;
     const int lanes = LaneCount();
     const V vy = hn::Set(d, dy);
-    for (int c = 0; c < C; ++c) {
-        const float* const b = job.planes + (2 + (plane * C + c) * 3 + 1) * job.stride;
-        const float* const k = b + job.stride;
-        for (int i = 0; i < job.width; i += lanes)
-            hn::StoreU(hn::Add(hn::Mul(hn::LoadU(d, b + i), vy), hn::LoadU(d, k + i)), d,
-                       to + c * job.stride + i);
+    const PlaneColumns& columns = job.scene->columns;
+    for (int phase = 0; phase < columns.stride; ++phase) {
+        if (static_cast<float>(job.reaches[static_cast<std::size_t>(phase)]) < std::abs(dy))
+            continue;
+        const std::ptrdiff_t begin = phase * columns.segment;
+        const int end = columns.first(phase, job.scene->area.x1);
+        for (int c = 0; c < C; ++c) {
+            const float* const b = job.planes + (2 + (plane * C + c) * 3 + 1) * job.stride + begin;
+            const float* const k = b + job.stride;
+            for (int i = 0; i < end; i += lanes)
+                hn::StoreU(hn::Add(hn::Mul(hn::LoadU(d, b + i), vy), hn::LoadU(d, k + i)), d,
+                           to + c * job.stride + begin + i);
+        }
     }
 }
 
@@ -77,38 +87,45 @@ template <int C, PlaneBlend blend>
 class PixelSums
 {
 public:
-    PixelSums(const FuseJob& job, int x)
-        : m_guide(*job.scene, x, job.y), m_scene(job.scene->pixels.view().ptr(0, x, job.cy)),
-          m_planes(job.planes + (x - job.x0)), m_values(job.values + (x - job.x0)),
-          m_to(job.sums + (x - job.part.x0)), m_stride(job.stride), m_sum_stride(job.sum_stride),
+    /// `place` is that of the pixels in a row.
+    PixelSums(const FuseJob& job, std::ptrdiff_t place)
+        : m_guide(*job.scene, job.scene->pixels.view().row(0, job.y) + place),
+          m_scene(job.scene->pixels.view().row(0, job.cy) + place), m_planes(job.planes + place),
+          m_values(job.values + place), m_to(job.sums + place), m_stride(job.stride),
           m_source(job.scene->source * job.scene->pixels.view().channel_stride()),
           m_rows_away(std::abs(job.y - job.cy))
     {
         const D d;
         m_weight = hn::LoadU(d, m_to);
-        for (int c = 0; c < C; ++c) m_colour[c] = hn::LoadU(d, m_to + (1 + c) * m_sum_stride);
+        for (int c = 0; c < C; ++c) m_colour[c] = hn::LoadU(d, m_to + (1 + c) * m_stride);
     }
 
-    /// Adds the planes of the centres `ox` to the right. `value` is the quadrant's row of values.
-    HWY_INLINE void Add(int ox, int value, int quadrant, float share, bool own = false)
+    /// Adds the planes of the centres `ox` to the right, `step` away in memory. `value` is the
+    /// quadrant's row of values.
+    HWY_INLINE void Add(int ox, std::ptrdiff_t step, int value, int quadrant, float share,
+                        bool own = false)
     {
         const D d;
         const V one = hn::Set(d, 1.0f), zero = hn::Zero(d);
         const auto away = static_cast<float>(std::max(std::abs(ox), m_rows_away));
-        const M covers = hn::Ge(hn::LoadU(d, m_planes + ox), hn::Set(d, away));
+        const V radius = hn::LoadU(d, m_planes + step);
+        const M covers = hn::Ge(radius, hn::Set(d, away));
         if (hn::AllFalse(d, covers)) return;
-        const float* const other = m_scene + ox;
+        const float* const other = m_scene + step;
         V guide = hn::Mul(m_guide.With(other), hn::LoadU(d, other + m_source));
         guide = hn::IfThenElseZero(covers, guide);
         // Across objects, and beside boundaries, there is nothing to add.
         if (!own && hn::AllFalse(d, hn::Gt(guide, zero))) return;
-        if (own) guide = hn::Max(guide, hn::Set(d, plane_own_weight));
+        if (own) {
+            const V least = hn::Set(d, plane_own_weight);
+            guide = hn::IfThenElse(hn::Gt(radius, zero), hn::Max(guide, least), least);
+        }
         if (share != 1.0f) guide = hn::Mul(guide, hn::Set(d, share));
 
         const V dx = hn::Set(d, static_cast<float>(-ox));
-        const float* const a = m_planes + 2 * m_stride + ox;
+        const float* const a = m_planes + 2 * m_stride + step;
         const float* const part_a = a + (quadrant + 1) * C * 3 * m_stride;
-        const float* const rest = m_values + ox;
+        const float* const rest = m_values + step;
         const float* const part_rest = rest + value * C * m_stride;
         V whole[C], part[C];
         for (int c = 0; c < C; ++c) {
@@ -157,22 +174,42 @@ public:
     {
         const D d;
         hn::StoreU(m_weight, d, m_to);
-        for (int c = 0; c < C; ++c) hn::StoreU(m_colour[c], d, m_to + (1 + c) * m_sum_stride);
+        for (int c = 0; c < C; ++c) hn::StoreU(m_colour[c], d, m_to + (1 + c) * m_stride);
     }
 
 private:
     const Guide m_guide;
     const float *const m_scene, *const m_planes, *const m_values;
     float* const m_to;
-    const std::ptrdiff_t m_stride, m_sum_stride, m_source;
+    const std::ptrdiff_t m_stride, m_source;
     const int m_rows_away;
     V m_weight, m_colour[C];
 };
+
+/// Largest radius, for each phase, of the centres whose squares may reach a vector of pixels.
+/// \return the largest of them.
+int Reaches(const FuseJob& job, int place, std::array<int, max_plane_stride>& reaches)
+{
+    const PlaneColumns& columns = job.scene->columns;
+    const int away = job.reach / columns.stride + 1;
+    const auto last_place = static_cast<int>(columns.segment) - 1;
+    const int first = std::max(0, place - away) / block_width;
+    const int last = std::min(last_place, place + LaneCount() - 1 + away) / block_width;
+    int all = 0;
+    for (int phase = 0; phase < columns.stride; ++phase) {
+        const int* const largest = job.largest + phase * job.blocks;
+        int& reach = reaches[static_cast<std::size_t>(phase)];
+        for (int b = first; b <= last; ++b) reach = std::max(reach, largest[b]);
+        all = std::max(all, reach);
+    }
+    return all;
+}
 
 template <int C, PlaneBlend blend>
 void FuseRows(const FuseJob& job)
 {
     const int lanes = LaneCount();
+    const PlaneColumns& columns = job.scene->columns;
     const int down = job.y - job.cy, rows_away = std::abs(down);
     const auto dy = static_cast<float>(down);
     const std::ptrdiff_t values = C * job.stride;
@@ -183,19 +220,32 @@ void FuseRows(const FuseJob& job)
         const float share = down == 0 ? 0.5f : 1.0f;
         Evaluate<C>(job, 1 + right, dy, job.values + values);
         Evaluate<C>(job, 1 + left, dy, job.values + 2 * values);
-        for (int x = job.part.x0; x < job.part.x1; x += lanes) {
-            const int first = std::max(0, x - job.reach - job.x0);
-            const int last = std::min(job.width - 1, x + lanes - 1 + job.reach - job.x0);
-            int reach = 0;
-            for (int b = first / block_width; b <= last / block_width; ++b)
-                reach = std::max(reach, job.largest[b]);
-            if (reach < rows_away) continue;
-            PixelSums<C, blend> sums(job, x);
-            for (int ox = -reach; ox < 0; ++ox) sums.Add(ox, 1, right, share);
-            sums.Add(0, 1, right, 0.5f * share, rows_away == 0);
-            sums.Add(0, 2, left, 0.5f * share, rows_away == 0);
-            for (int ox = 1; ox <= reach; ++ox) sums.Add(ox, 2, left, share);
-            sums.Store();
+        for (int phase = 0; phase < columns.stride; ++phase) {
+            const int end = columns.first(phase, job.part.x1);
+            const std::ptrdiff_t* const steps =
+                job.steps + phase * (2 * job.max_radius + 1) + job.max_radius;
+            for (int i = columns.first(phase, job.part.x0); i < end; i += lanes) {
+                std::array<int, max_plane_stride> reaches{};
+                const int reach = Reaches(job, i, reaches);
+                if (reach < rows_away) continue;
+                PixelSums<C, blend> sums(job, phase * columns.segment + i);
+                int next = (phase - reach) % columns.stride; // phase of the centres
+                if (next < 0) next += columns.stride;
+                const auto reached = [&](int ox) {
+                    const int radius = reaches[static_cast<std::size_t>(next)];
+                    if (++next == columns.stride) next = 0;
+                    return radius >= std::max(std::abs(ox), rows_away);
+                };
+                for (int ox = -reach; ox < 0; ++ox)
+                    if (reached(ox)) sums.Add(ox, steps[ox], 1, right, share);
+                if (reached(0)) {
+                    sums.Add(0, 0, 1, right, 0.5f * share, rows_away == 0);
+                    sums.Add(0, 0, 2, left, 0.5f * share, rows_away == 0);
+                }
+                for (int ox = 1; ox <= reach; ++ox)
+                    if (reached(ox)) sums.Add(ox, steps[ox], 2, left, share);
+                sums.Store();
+            }
         }
     }
 }
@@ -224,9 +274,7 @@ HWY_EXPORT(FuseThree);
 
 std::size_t fuse_planes_scratch(const PlaneSettings& settings, int colours, int part_channels)
 {
-    constexpr int tile = 256; // of the size the engine likes
-    return plane_scene_bytes(settings.max_radius, colours, part_channels) +
-           ImageBuffer::bytes_for({0, 0, tile + plane_tail, tile}, 1 + colours);
+    return 2 * plane_scene_bytes(settings, colours, part_channels);
 }
 
 void fuse_planes(const PlaneSettings& settings, const Region& data, ConstImageView coefficients,
@@ -235,54 +283,64 @@ void fuse_planes(const PlaneSettings& settings, const Region& data, ConstImageVi
     const Region& part = out.region();
     const int colours = out.channels(), channels = coefficients.channels();
     const int largest = settings.max_radius;
-    const PlaneScene scene = make_plane_scene(largest, part, data, guides, colours);
+    PlaneScene scene = make_plane_scene(settings, part, data, guides, 0);
+    separate_columns(scene);
+    const PlaneColumns& columns = scene.columns;
     const Region known = part.grown(Halo::all(largest)).intersect(data);
+    const std::vector<std::ptrdiff_t> steps = column_steps(columns, largest);
 
     FuseJob job;
     job.scene = &scene;
     job.blend = settings.blend;
     job.part = part;
+    job.steps = steps.data();
+    job.max_radius = largest;
     // Zeros, and no square, beside the image.
-    job.x0 = part.x0 - largest;
-    job.width = part.width() + 2 * largest;
-    job.stride = job.width + plane_tail;
-    const auto stride = static_cast<std::size_t>(job.stride);
+    const auto stride = static_cast<std::size_t>(columns.stride * columns.segment);
+    job.stride = static_cast<std::ptrdiff_t>(stride);
     std::vector<float> planes(static_cast<std::size_t>(channels) * stride, 0.0f);
     std::fill_n(planes.begin(), stride, -1.0f);
     std::vector<float> values(static_cast<std::size_t>(3 * colours) * stride, 0.0f);
-    std::vector<int> blocks(stride / block_width + 1);
+    job.blocks = static_cast<int>(columns.segment) / block_width + 1;
+    std::vector<int> blocks(static_cast<std::size_t>(columns.stride * job.blocks));
     job.planes = planes.data();
     job.values = values.data();
     job.largest = blocks.data();
-    Region padded = part;
-    padded.x1 += plane_tail;
-    ImageBuffer sums(padded, 1 + colours);
-    sums.fill(0.0f);
-    job.sum_stride = sums.view().channel_stride();
+    std::vector<float> sums(static_cast<std::size_t>((1 + colours) * part.height()) * stride, 0.0f);
 
     for (int cy = known.y0; cy < known.y1; ++cy) {
         each_row();
         std::fill(blocks.begin(), blocks.end(), 0);
-        job.reach = 0;
-        float* const radius = planes.data() + (known.x0 - job.x0);
+        job.reaches.fill(0);
         const float* const chosen = coefficients.ptr(0, known.x0, cy);
         for (int x = 0; x < known.width(); ++x) {
-            radius[x] = std::min(chosen[x], static_cast<float>(largest));
-            const auto r = static_cast<int>(radius[x]);
-            int& block = blocks[static_cast<std::size_t>((known.x0 - job.x0 + x) / block_width)];
+            const float radius = std::min(chosen[x], static_cast<float>(largest));
+            const auto r = static_cast<int>(radius);
+            const int phase = columns.phase(known.x0 + x);
+            const int place = (known.x0 + x - columns.x0) / columns.stride;
+            planes[static_cast<std::size_t>(columns.at(known.x0 + x))] = radius;
+            int& block = blocks[static_cast<std::size_t>(phase * job.blocks + place / block_width)];
             block = std::max(block, r);
-            job.reach = std::max(job.reach, r);
+            int& reach = job.reaches[static_cast<std::size_t>(phase)];
+            reach = std::max(reach, r);
         }
         job.cy = cy;
+        job.reach = *std::max_element(job.reaches.begin(), job.reaches.end());
         const int y0 = std::max(part.y0, cy - job.reach);
         const int y1 = std::min(part.y1, cy + job.reach + 1);
         if (y0 >= y1) continue;
-        for (int c = 1; c < channels; ++c)
-            std::copy_n(coefficients.ptr(c, known.x0, cy), known.width(),
-                        planes.data() + c * job.stride + (known.x0 - job.x0));
+        for (int phase = 0; phase < columns.stride; ++phase) {
+            const int first = columns.first(phase, known.x0), end = columns.first(phase, known.x1);
+            for (int c = 1; c < channels; ++c) {
+                const float* from =
+                    coefficients.ptr(c, known.x0, cy) + (columns.column(phase, first) - known.x0);
+                float* const to = planes.data() + c * job.stride + phase * columns.segment;
+                for (int i = first; i < end; ++i, from += columns.stride) to[i] = *from;
+            }
+        }
         for (int y = y0; y < y1; ++y) {
             job.y = y;
-            job.sums = sums.view().row(0, y);
+            job.sums = sums.data() + (y - part.y0) * (1 + colours) * job.stride;
             if (colours == 1)
                 HWY_DYNAMIC_DISPATCH(FuseOne)(job);
             else
@@ -290,11 +348,14 @@ void fuse_planes(const PlaneSettings& settings, const Region& data, ConstImageVi
         }
     }
     for (int y = part.y0; y < part.y1; ++y) {
-        const float* const weight = sums.view().row(0, y);
+        const float* const weight = sums.data() + (y - part.y0) * (1 + colours) * job.stride;
         for (int c = 0; c < colours; ++c) {
-            const float* const sum = sums.view().row(1 + c, y);
+            const float* const sum = weight + (1 + c) * job.stride;
             float* const to = out.row(c, y);
-            for (int x = 0; x < part.width(); ++x) to[x] = std::max(0.0f, sum[x] / weight[x]);
+            for (int x = part.x0; x < part.x1; ++x) {
+                const std::ptrdiff_t at = columns.at(x);
+                to[x - part.x0] = std::max(0.0f, sum[at] / weight[at]);
+            }
         }
     }
 }

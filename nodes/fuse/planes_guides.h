@@ -6,12 +6,16 @@
 #include "nodes/fuse/planes_kernel.h"
 #include "rayloom/core/registry.h"
 
-#include <array>
+#include <vector>
 
 namespace rayloom
 {
 
-/// Ports `normal`, `boundary` and `parts` of a node.
+/// The colour channels as one view; they are neighbours in every image there is. Throws NodeError
+/// when they are not.
+int first_of_run(const std::vector<int>& channels, const char* port);
+
+/// Ports `normal`, `boundary`, `parts` and `pivot` of a node.
 class PlaneGuidePorts
 {
 public:
@@ -21,6 +25,8 @@ public:
         d.input("normal", "surface normal, 3 channels; zero where there is none").optional();
         d.input("boundary", "1 on boundaries of objects (threshold.boundary)").optional();
         d.input("parts", "pairs of id and coverage (transform.parts)").optional();
+        d.input("pivot", "what `image` was divided by, an albedo: as many colour channels, or one")
+            .optional();
     }
     /// Checks what is connected against `image`, and asks for `halo` around it. Notes what is
     /// absent.
@@ -31,6 +37,7 @@ public:
 private:
     int m_normal = 0; ///< first of three channels
     int m_part_channels = 0;
+    int m_pivot = 0, m_pivots = 0;
 };
 
 } // namespace rayloom

@@ -38,9 +38,12 @@ struct PlaneSettings {
     float variation = 0.3f;     ///< allowed relative difference of Z and a Z_m …
     float confidence = 2.0f;    ///< … beyond this many standard errors of Z_m
     PlaneBlend blend = PlaneBlend::max;
+    int stride = 3; ///< of the centres that grow beyond `dense`, 1 to max_plane_stride
+    int dense = 3;  ///< half-size up to which all centres grow, at least max_plane_stride − 1
 };
 
 constexpr int max_plane_radius = 64;
+constexpr int max_plane_stride = 3;
 /// Most (id, coverage) pairs of `parts` that are looked at.
 constexpr int max_plane_parts = 6;
 
@@ -51,6 +54,7 @@ struct PlaneGuides {
     ConstImageView normal;   ///< 3 channels; zero or not finite: no normal
     ConstImageView boundary; ///< 1 channel, 0 to 1
     ConstImageView parts;    ///< pairs of id and coverage
+    ConstImageView pivot;    ///< 1 channel, or one for each of z; a pixel counts by its root
     ConstImageView marked;   ///< one channel for each of z; not 0: z is no light there
 };
 

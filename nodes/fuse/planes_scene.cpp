@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "nodes/fuse/planes_scene.cpp"
@@ -32,7 +33,8 @@ struct LightRow {
 /// One row of σ: sums over the rows around, each with near_radius more columns on both sides.
 struct SourceRow {
     const float *light = nullptr, *noise = nullptr, *count = nullptr, *use = nullptr;
-    float* source = nullptr;
+    const float* source = nullptr;
+    float* weight = nullptr;
     float max_noise = 0.0f;
     int n = 0;
 };
@@ -133,7 +135,7 @@ void MakeSourceRow(const SourceRow& row)
         const V t[1] = {hn::Mul(sigma, hn::Set(d, 1.44269504088896341f))};
         V weight[1] = {hn::LoadU(d, row.source + i)};
         TimesExp2Minus(t, weight);
-        hn::StoreU(hn::IfThenElseZero(use, weight[0]), d, row.source + i);
+        hn::StoreU(hn::IfThenElseZero(use, weight[0]), d, row.weight + i);
     }
 }
 
@@ -178,33 +180,49 @@ void parts_row(const PlaneScene& s, ConstImageView parts, ImageView to, int x0, 
     }
 }
 
-} // namespace
-
-std::size_t plane_scene_bytes(int radius, int colours, int part_channels)
+/// A pixel's light is its radiance over the pivot, noise and all: the darker, the less it says.
+void weight_by_pivot(ConstImageView pivot, int x0, int y, float* source, int n)
 {
-    constexpr int tile = 256; // of the size the engine likes
-    return ImageBuffer::bytes_for({0, 0, tile + 2 * radius + plane_tail, tile + 2 * radius},
-                                  colours + 7 + part_channels);
+    for (int x = 0; x < n; ++x) {
+        float most = 0.0f;
+        for (int c = 0; c < pivot.channels(); ++c) most = std::max(most, pivot.at(c, x0 + x, y));
+        source[x] *= std::sqrt(std::min(most, 1.0f));
+    }
 }
 
-PlaneScene make_plane_scene(int radius, const Region& part, const Region& data,
+} // namespace
+
+std::size_t plane_scene_bytes(const PlaneSettings& settings, int colours, int part_channels)
+{
+    constexpr int tile = 256; // of the size the engine likes
+    const int side = tile + 2 * settings.max_radius;
+    return ImageBuffer::bytes_for({0, 0, side + settings.stride * 2 * plane_tail, side},
+                                  colours + 8 + part_channels);
+}
+
+PlaneScene make_plane_scene(const PlaneSettings& settings, const Region& part, const Region& data,
                             const PlaneGuides& guides, int colours)
 {
     PlaneScene s;
     s.colours = colours;
+    s.area = part.grown(Halo::all(settings.max_radius));
+    const int stride = settings.stride, over = s.area.x0 % stride;
+    s.area.x0 -= over < 0 ? over + stride : over;
+    const int longest = (s.area.width() + stride - 1) / stride;
+    s.columns = {stride, s.area.x0, ImageBuffer::padded_width(longest + plane_tail)};
     s.has_normal = !guides.normal.empty();
     s.part_pairs =
         guides.parts.empty() ? 0 : std::min(guides.parts.channels() / 2, max_plane_parts);
-    s.z = 0;
-    s.light = colours;
-    s.variance = colours + 1;
-    s.source = colours + 2;
-    s.normal = colours + 3;
+    s.normal = s.source + 1;
     s.parts = s.normal + (s.has_normal ? 4 : 0);
-    Region area = part.grown(Halo::all(radius));
-    const Region known = area.intersect(data);
-    area.x1 += plane_tail;
-    s.pixels = ImageBuffer(area, s.parts + 2 * s.part_pairs);
+    s.z = s.parts + 2 * s.part_pairs;
+    s.light = s.z + colours;
+    s.variance = s.light + 1;
+    s.weight = s.variance + 1;
+    const Region known = s.area.intersect(data);
+    Region padded = s.area;
+    padded.x1 = padded.x0 + stride * static_cast<int>(s.columns.segment);
+    s.pixels = ImageBuffer(padded, colours > 0 ? s.weight + 1 : s.z);
     s.pixels.fill(0.0f);
     const ImageView to = s.pixels.view();
     for (int y = known.y0; y < known.y1; ++y) {
@@ -216,6 +234,8 @@ PlaneScene make_plane_scene(int radius, const Region& part, const Region& data,
             for (int x = 0; x < known.width(); ++x)
                 source[x] = edge[x] == edge[x] ? 1.0f - std::clamp(edge[x], 0.0f, 1.0f) : 0.0f;
         }
+        if (!guides.pivot.empty())
+            weight_by_pivot(guides.pivot, known.x0, y, source, known.width());
         if (s.has_normal) {
             std::array<float*, 4> n{};
             for (int c = 0; c < 4; ++c) {
@@ -236,9 +256,7 @@ void add_plane_light(PlaneScene& s, const PlaneSettings& settings, const Region&
                      const PlaneGuides& guides)
 {
     const ImageView to = s.pixels.view();
-    Region known = to.region();
-    known.x1 -= plane_tail;
-    known = known.intersect(data);
+    const Region known = s.area.intersect(data);
     // Light, noise and use of all rows around, then their sums over five rows; zeros outside.
     Region wide = known.grown(Halo::all(near_radius));
     wide.x1 += plane_tail;
@@ -295,9 +313,40 @@ void add_plane_light(PlaneScene& s, const PlaneSettings& settings, const Region&
         source.count = sums.view().row(2, 0);
         source.use = near.ptr(2, known.x0, y);
         source.source = to.ptr(s.source, known.x0, y);
+        source.weight = to.ptr(s.weight, known.x0, y);
         HWY_DYNAMIC_DISPATCH(MakeSourceRow)(source);
-        std::fill_n(to.ptr(s.source, known.x1, y), to.region().x1 - known.x1, 0.0f);
+        std::fill_n(to.ptr(s.weight, known.x1, y), to.region().x1 - known.x1, 0.0f);
     }
+}
+
+void separate_columns(PlaneScene& s)
+{
+    const int stride = s.columns.stride, width = s.area.width();
+    if (stride == 1) return;
+    const ImageView pixels = s.pixels.view();
+    std::vector<float> row(static_cast<std::size_t>(width));
+    for (int y = s.area.y0; y < s.area.y1; ++y)
+        for (int c = 0; c < pixels.channels(); ++c) {
+            float* const to = pixels.row(c, y);
+            std::copy_n(to, width, row.data());
+            for (int phase = 0; phase < stride; ++phase) {
+                float* next = to + phase * s.columns.segment;
+                float* const end = next + s.columns.segment;
+                for (int x = phase; x < width; x += stride)
+                    *next++ = row[static_cast<std::size_t>(x)];
+                std::fill(next, end, 0.0f);
+            }
+        }
+}
+
+std::vector<std::ptrdiff_t> column_steps(const PlaneColumns& columns, int reach)
+{
+    std::vector<std::ptrdiff_t> steps;
+    const int middle = columns.column(0, reach + 1);
+    for (int phase = 0; phase < columns.stride; ++phase)
+        for (int dx = -reach; dx <= reach; ++dx)
+            steps.push_back(columns.at(middle + phase + dx) - columns.at(middle + phase));
+    return steps;
 }
 
 } // namespace rayloom

@@ -6,6 +6,9 @@
 
 #include "nodes/fuse/planes_kernel.h"
 
+#include <cstddef>
+#include <vector>
+
 namespace rayloom
 {
 
@@ -14,22 +17,49 @@ constexpr int plane_tail = 64;
 /// A pixel that lies on a boundary still has itself.
 constexpr float plane_own_weight = 1e-3f;
 
-/// Planes of guides around the centres, zeros outside the image.
+/// A pixel's planes are left out where a neighbour on the lattice gives others this share of what
+/// the pixel would give them.
+constexpr float plane_stand_in = 0.5f;
+
+/// Where the columns of a row lie: those with the same remainder of x and `stride` one after the
+/// other, so that centres of a lattice, and what is as far from each of them, are whole vectors.
+struct PlaneColumns {
+    int stride = 1;
+    int x0 = 0;                 ///< first column, a multiple of the stride
+    std::ptrdiff_t segment = 0; ///< from one remainder's columns to the next's
+
+    int phase(int x) const { return (x - x0) % stride; }
+    std::ptrdiff_t at(int x) const { return phase(x) * segment + (x - x0) / stride; }
+    /// Place among the columns of `phase` of the first that is not left of x.
+    int first(int phase, int x) const { return (x - x0 - phase + stride - 1) / stride; }
+    /// The column there.
+    int column(int phase, int place) const { return x0 + phase + stride * place; }
+};
+
+/// Guides around the centres, zeros outside the image.
 struct PlaneScene {
     ImageBuffer pixels;
-    int z = 0, light = 0, variance = 0, source = 0, normal = 0, parts = 0; ///< first channels
+    Region area; ///< of the pixels; `pixels` is wider
+    PlaneColumns columns;
+    int source = 0, normal = 0, parts = 0;          ///< first channels
+    int z = 0, light = 0, variance = 0, weight = 0; ///< those of add_plane_light()
     int colours = 0;
     bool has_normal = false;
     bool lacks_normals = false; ///< some pixels have none; channel normal + 3 is 1 there
     int part_pairs = 0;
 };
 
-/// Guides over `part` grown by `radius`: `source` is 1 away from boundaries.
-PlaneScene make_plane_scene(int radius, const Region& part, const Region& data,
+/// Guides over `part` grown by settings.max_radius, columns in their order: `source` is 1 away from
+/// boundaries. With `colours` there is room for what add_plane_light() adds.
+PlaneScene make_plane_scene(const PlaneSettings& settings, const Region& part, const Region& data,
                             const PlaneGuides& guides, int colours);
-/// Adds z, its mean over the colours and its variance; multiplies `source` by e^−σ.
+/// Adds z, its mean over the colours and its variance, and `source` times e^−σ as `weight`.
 void add_plane_light(PlaneScene& scene, const PlaneSettings& settings, const Region& data,
                      const PlaneGuides& guides);
-std::size_t plane_scene_bytes(int radius, int colours, int part_channels);
+/// Puts the columns where scene.columns says.
+void separate_columns(PlaneScene& scene);
+/// For every phase the way from a column to the one dx away, dx from −reach to reach.
+std::vector<std::ptrdiff_t> column_steps(const PlaneColumns& columns, int reach);
+std::size_t plane_scene_bytes(const PlaneSettings& settings, int colours, int part_channels);
 
 } // namespace rayloom

@@ -21,7 +21,8 @@ struct Scene {
 
     PlaneGuides guides() const
     {
-        return {image.view(), variance.view(), normal.view(), boundary.view(), parts.view(), {}};
+        return {
+            image.view(), variance.view(), normal.view(), boundary.view(), parts.view(), {}, {}};
     }
 };
 
@@ -158,8 +159,14 @@ oracle::Raster<double> raster(const ImageBuffer& from)
 
 oracle::PlaneInput plain_input(const Scene& s)
 {
-    return {raster(s.image), raster(s.variance), raster(s.normal), raster(s.boundary),
-            raster(s.parts)};
+    return {raster(s.image),
+            raster(s.variance),
+            raster(s.normal),
+            raster(s.boundary),
+            raster(s.parts),
+            {},
+            0,
+            0};
 }
 
 oracle::PlaneOptions plain_options()

@@ -37,6 +37,18 @@ double variance_of(const Raster<double>& v, int x, int y)
     return std::pow(sum / v.channels, 2);
 }
 
+/// 1 away from boundaries, times the root of the pivot's brightest colour.
+double source_of(const PlaneInput& in, int x, int y)
+{
+    double weight = in.boundary ? 1.0 - in.boundary->at(0, x, y) : 1.0;
+    if (in.pivot) {
+        double most = 0.0;
+        for (int c = 0; c < in.pivot->channels; ++c) most = std::max(most, in.pivot->at(c, x, y));
+        weight *= std::sqrt(std::min(most, 1.0));
+    }
+    return weight;
+}
+
 /// e^−σ, 0 for pixels that are left out.
 double source_weight(const PlaneInput& in, const PlaneOptions& o, int x, int y)
 {
@@ -51,8 +63,7 @@ double source_weight(const PlaneInput& in, const PlaneOptions& o, int x, int y)
     const double sigma =
         variance > 0.0 && light > 0.0 ? std::sqrt(variance / n) / (light / n) : 0.0;
     if (sigma > o.max_noise) return 0.0;
-    const double edge = in.boundary ? in.boundary->at(0, x, y) : 0.0;
-    return (1.0 - edge) * std::exp(-sigma);
+    return source_of(in, x, y) * std::exp(-sigma);
 }
 
 struct Sample {
@@ -126,6 +137,24 @@ double guide_weight(const PlaneInput& in, int x, int y, int u, int v)
     return weight;
 }
 
+bool grows_on(const PlaneInput& in, const PlaneOptions& o, int x, int y)
+{
+    const auto on_lattice = [&](int u, int v) {
+        return (u + in.x0) % o.stride == 0 && (v + in.y0) % o.stride == 0;
+    };
+    if (o.stride == 1) return true;
+    if (source_of(in, x, y) <= 0.0) return false;
+    if (on_lattice(x, y)) return true;
+    for (int v = y - o.stride + 1; v < y + o.stride; ++v)
+        for (int u = x - o.stride + 1; u < x + o.stride; ++u) {
+            if (u < 0 || v < 0 || u >= in.z.width || v >= in.z.height || !on_lattice(u, v))
+                continue;
+            if (guide_weight(in, x, y, u, v) * source_of(in, u, v) >= 0.5 * source_of(in, x, y))
+                return false;
+        }
+    return true;
+}
+
 CentrePlanes fit_centre(const PlaneInput& in, const PlaneOptions& o, int x, int y)
 {
     const int colours = in.z.channels;
@@ -183,6 +212,10 @@ CentrePlanes fit_centre(const PlaneInput& in, const PlaneOptions& o, int x, int 
         result.noise = level > 0.0 ? error / level : 0.0;
         for (std::size_t i = 0; i < 5; ++i) result.planes[i] = fits[i].plane;
         if (uneven || error <= o.target_noise * level) break;
+        if (r < o.max_radius && next_radius(o, r) > o.dense && !grows_on(in, o, x, y)) {
+            result.radius = 0;
+            break;
+        }
     }
     return result;
 }
@@ -204,14 +237,14 @@ Raster<double> fuse_all(const PlaneInput& in, const PlaneOptions& o,
     for (int cy = 0; cy < height; ++cy)
         for (int cx = 0; cx < width; ++cx) {
             const CentrePlanes& k = centres[static_cast<std::size_t>(cy * width + cx)];
-            const double edge = in.boundary ? in.boundary->at(0, cx, cy) : 0.0;
+            const double source = source_of(in, cx, cy);
             for (int dy = -k.radius; dy <= k.radius; ++dy)
                 for (int dx = -k.radius; dx <= k.radius; ++dx) {
                     const int x = cx + dx, y = cy + dy;
                     if (x < 0 || y < 0 || x >= width || y >= height) continue;
                     const bool own = dx == 0 && dy == 0;
-                    double guide = guide_weight(in, x, y, cx, cy) * (1.0 - edge);
-                    if (own) guide = std::max(guide, own_weight);
+                    double guide = guide_weight(in, x, y, cx, cy) * source;
+                    if (own) guide = k.radius > 0 ? std::max(guide, own_weight) : own_weight;
                     std::vector<int> quadrants;
                     for (int q = 0; q < 4; ++q)
                         if (((q & 1) != 0 ? dx <= 0 : dx >= 0) &&

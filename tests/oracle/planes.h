@@ -19,21 +19,26 @@ struct PlaneOptions {
     bool range_by_noise = false;
     double target_noise = 0.02, max_noise = 8.0, variation = 0.3, confidence = 2.0;
     bool blend_max = false;
+    int stride = 3, dense = 3;
 };
 
 struct PlaneInput {
     Raster<double> z, variance;
-    std::optional<Raster<double>> normal, boundary, parts;
+    std::optional<Raster<double>> normal, boundary, parts, pivot;
+    int x0 = 0, y0 = 0; ///< coordinates of the first pixel: the lattice begins at 0
 };
 
 /// Of one centre: the square, then quadrants right-lower, left-lower, right-upper, left-upper; each
-/// colour's a, b, c.
+/// colour's a, b, c. The radius is 0 where the centre may not grow on: it has itself alone.
 struct CentrePlanes {
     int radius = 0;
     double noise = 0.0;
     std::array<std::vector<std::array<double, 3>>, 5> planes;
 };
 
+/// Whether a centre may grow beyond options.dense: it lies on the lattice, or none of the (up to
+/// four) nearest on it gives others half of what it would. Never one on a boundary.
+bool grows_on(const PlaneInput& in, const PlaneOptions& options, int x, int y);
 /// w_n · w_part of two pixels.
 double guide_weight(const PlaneInput& in, int x, int y, int u, int v);
 CentrePlanes fit_centre(const PlaneInput& in, const PlaneOptions& options, int x, int y);

@@ -6,7 +6,8 @@ SCENES holds cornell, caustics, interior and dof, each with noisy_16.exr, noisy_
 and ref.exr, as Cycles writes them. Each line: relMSE of the image, without the worst 0.1 % of the
 pixels in brackets; then, without those, of the pixels within 3 of an ID boundary, of all others, their
 ratio, its root (the ratio of the errors themselves), and of the textured ones (colour that changes by more
-than 5 % within 5x5 pixels, away from boundaries); mean brightness over the reference's. SPP in the
+than 5 % within 5x5 pixels, away from boundaries); mean brightness over the reference's; the root again with what
+no partial image holds taken as in the reference. SPP in the
 environment chooses samples per pixel (16,64); KEEP is a folder that keeps the images. Needs numpy and
 OpenImageIO.
 """
@@ -44,6 +45,9 @@ VARIANTS = {
     "bare": (LOBES, [], [], BARE),
     "no-detail": (LOBES, [], [], ["-p", "detail=false"]),
     **{f"energy-{n}": (LOBES, [], [], ["-p", f"energy={n}"]) for n in (0, 4, 8)},
+    "no-fireflies": (LOBES, [], [], ["-p", "fireflies=false"]),
+    **{f"stride-{n}": (LOBES, [], planes("fit.plane", f"stride: {n}"), []) for n in (1, 2)},
+    "no-pivot": (LOBES, [("    pivot: lobes.pivot\n", "")], [], []),
     "ids": (LOBES, [("ranks: 2", "source: ids")], [], []),
     "no-parts": (LOBES, [("ranks: 2", "source: none")], [], []),
     "nlm": (LOBES, [], [], ["-p", "filter=graph:nlm-image"]),
@@ -100,13 +104,25 @@ def masks(folder):
     return near, textured & ~near
 
 
-def figures(image, reference, near, textured):
+def lobes(path):
+    """What the partial images hold."""
+    return sum(layer(path, f"ViewLayer.{k}Col") * (layer(path, f"ViewLayer.{k}Dir") + layer(path, f"ViewLayer.{k}Ind"))
+               for k in ("Diff", "Gloss", "Trans"))
+
+
+def root_ratio(error, near):
+    kept = error <= np.quantile(error, 0.999)
+    return (error[near & kept].mean() / error[~near & kept].mean()) ** 0.5
+
+
+def figures(image, reference, near, textured, rest):
     error = ((image - reference) ** 2 / (reference**2 + 0.01)).mean(-1)
     kept = error <= np.quantile(error, 0.999)
     mean = [error[m & kept].mean() for m in (near, ~near, textured)]
     return (f"{error.mean():.4f} ({error[kept].mean():.4f}) near {mean[0]:.4f} else {mean[1]:.4f} "
             f"ratio {mean[0] / mean[1]:.2f} root {(mean[0] / mean[1]) ** 0.5:.2f} textured {mean[2]:.4f} "
-            f"brightness {image.mean() / reference.mean():.3f}")
+            f"brightness {image.mean() / reference.mean():.3f} "
+            f"filtered root {root_ratio(((image - reference - rest) ** 2 / (reference**2 + 0.01)).mean(-1), near):.2f}")
 
 
 def changed(file, changes, folder, name):
@@ -138,6 +154,7 @@ def main():
                 folder = scenes + "/" + scene
                 near, textured = masks(folder)
                 reference = layer(folder + "/ref.exr", "ViewLayer.Combined")
+                held = lobes(folder + "/ref.exr")
                 for spp in (64,) if name == "ids" else samples:
                     render = f"{folder}/noisy_{spp}.exr"
                     out = f"{os.environ.get('KEEP', work)}/{name}_{scene}_{spp}.exr"
@@ -145,9 +162,10 @@ def main():
                         subprocess.run([build + "/bin/rayloom", "run", graph, "-i", "render=" + render, "-o",
                                         "image=" + out, "-q"] + params, check=True,
                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+                    rest = (layer(render, "ViewLayer.Combined") - reference) - (lobes(render) - held)
                     image = layer(out, "") if graph else layer(render, "ViewLayer.Combined")
                     print(f"{name:16s} {scene:8s} {spp:2d}",
-                          figures(image, reference, near, textured), flush=True)
+                          figures(image, reference, near, textured, rest), flush=True)
 
 
 if __name__ == "__main__":

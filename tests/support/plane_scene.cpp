@@ -30,15 +30,19 @@ std::vector<NodeInput> PlaneScene::inputs(const TestImage* planes) const
     if (normal) list.push_back({"normal", {&*normal}});
     if (boundary) list.push_back({"boundary", {&*boundary}});
     if (parts) list.push_back({"parts", {&*parts}});
+    if (pivot) list.push_back({"pivot", {&*pivot}});
     return list;
 }
 
 oracle::PlaneInput PlaneScene::for_oracle() const
 {
-    oracle::PlaneInput in{to_raster(image), to_raster(variance), {}, {}, {}};
+    oracle::PlaneInput in{to_raster(image), to_raster(variance), {}, {}, {}, {}, 0, 0};
     if (normal) in.normal = to_raster(*normal);
     if (boundary) in.boundary = to_raster(*boundary);
     if (parts) in.parts = to_raster(*parts);
+    if (pivot) in.pivot = to_raster(*pivot);
+    in.x0 = image.desc.data.x0;
+    in.y0 = image.desc.data.y0;
     return in;
 }
 

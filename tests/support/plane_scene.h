@@ -13,7 +13,7 @@ namespace rayloom::test
 
 struct PlaneScene {
     TestImage image, variance;
-    std::optional<TestImage> normal, boundary, parts;
+    std::optional<TestImage> normal, boundary, parts, pivot;
 
     /// The ports that are there; `planes` is the coefficient image for fuse.planes.
     std::vector<NodeInput> inputs(const TestImage* planes = nullptr) const;

@@ -95,6 +95,65 @@ TEST(FitPlane, OracleEverySize)
     expect_like_oracle(noisy_scene({0, 0, 33, 20}, 1, 0.2f, 6), p, o);
 }
 
+TEST(FitPlane, OracleOtherLattices)
+{
+    for (const int stride : {1, 2, 3}) {
+        oracle::PlaneOptions o;
+        o.max_radius = 6;
+        o.target_noise = 0.04;
+        o.stride = stride;
+        o.dense = 2;
+        ParamValues p = fit_params(6, 0.04);
+        p["stride"] = std::int64_t{stride};
+        p["dense"] = std::int64_t{2};
+        expect_like_oracle(noisy_scene({-4, 5, 29, 31}, 1, 0.2f, 3), p, o);
+    }
+}
+
+TEST(FitPlane, OraclePivot)
+{
+    oracle::PlaneOptions o;
+    o.max_radius = 6;
+    o.target_noise = 0.04;
+    PlaneScene scene = noisy_scene({-3, 5, 37, 40}, 3, 0.15f, 3);
+    scene.pivot = test::make_image({-3, 5, 37, 40}, {"R", "G", "B"}, [](int c, int x, int y) {
+        return x == y ? 0.0f : 0.1f * static_cast<float>((5 * x + 3 * y + c + 70) % 13);
+    });
+    expect_like_oracle(scene, fit_params(6, 0.04), o);
+}
+
+TEST(FitPlane, OnlyTheLatticeGrowsOn)
+{
+    PlaneScene scene = even_scene(
+        {-7, 2, 38, 40}, 1, [](int, int, int) { return 1.0f; }, 1.0f);
+    ParamValues p = fit_params(9, 0.0);
+    p["dense"] = std::int64_t{3};
+    const auto radius = [&](const NodeRun& run, int x, int y) {
+        return run.image("coefficients").view().at(0, x, y);
+    };
+    for (const int stride : {1, 2, 3}) {
+        p["stride"] = std::int64_t{stride};
+        const NodeRun run = run_node("fit.plane", p, scene.inputs());
+        for (int y = 4; y < 38; ++y)
+            for (int x = -5; x < 36; ++x)
+                ASSERT_EQ(radius(run, x, y), x % stride == 0 && y % stride == 0 ? 9.0f : 0.0f)
+                    << stride << ": " << x << " " << y;
+    }
+    // A column of its own that the lattice passes by, and one beside it that does not count.
+    p["stride"] = std::int64_t{2};
+    scene.parts = test::make_image({-7, 2, 38, 40}, {"id0", "coverage0"}, [](int c, int x, int) {
+        return c == 1 ? 1.0f : x == 13 ? 5.0f : 4.0f;
+    });
+    scene.boundary = test::make_image({-7, 2, 38, 40}, {"boundary"},
+                                      [](int, int x, int) { return x == 12 ? 1.0f : 0.0f; });
+    const NodeRun run = run_node("fit.plane", p, scene.inputs());
+    for (int y = 4; y < 38; ++y) {
+        EXPECT_EQ(radius(run, 13, y), 9.0f);
+        EXPECT_EQ(radius(run, 12, y), 0.0f);
+        EXPECT_EQ(radius(run, 11, y), 0.0f);
+    }
+}
+
 TEST(FitPlane, SizesGrowByAShareOfThemselves)
 {
     PlaneSettings s;
@@ -139,7 +198,7 @@ TEST(FitPlane, QuietImageStaysSmallAndNoisyOneGrows)
     const auto radius_at = [&](float variance) {
         const NodeRun run = run_node("fit.plane", fit_params(9, 0.02),
                                      even_scene({0, 0, 32, 32}, 1, flat, variance).inputs());
-        return run.image("coefficients").view().at(0, 16, 16);
+        return run.image("coefficients").view().at(0, 18, 18);
     };
     EXPECT_EQ(radius_at(0.0f), 2.0f);
     EXPECT_EQ(radius_at(1e-6f), 2.0f);
@@ -154,6 +213,7 @@ TEST(FitPlane, StopsBeforeShadow)
     const auto shadow = [](int, int x, int) { return x < 20 ? 1.0f : 0.2f; };
     ParamValues p = fit_params(9, 0.0001, 0.0);
     p["confidence"] = 0.0;
+    p["stride"] = std::int64_t{1};
     const NodeRun run =
         run_node("fit.plane", p, even_scene({0, 0, 40, 24}, 1, shadow, 0.01f).inputs());
     const auto radius = [&](int x) { return run.image("coefficients").view().at(0, x, 12); };

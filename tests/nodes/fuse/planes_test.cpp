@@ -6,7 +6,9 @@
 #include <hwy/targets.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <random>
 
 namespace rayloom
 {
@@ -57,6 +59,15 @@ TEST(FusePlanes, Oracle) { expect_like_oracle(noisy_scene({-3, 5, 33, 34}, 3, 0.
 TEST(FusePlanes, OracleBlendMaxOneColour)
 {
     expect_like_oracle(noisy_scene({0, 0, 26, 23}, 1, 0.3f, 8), true);
+}
+
+TEST(FusePlanes, OraclePivot)
+{
+    PlaneScene scene = noisy_scene({-3, 5, 33, 34}, 3, 0.15f, 3);
+    scene.pivot = test::make_image({-3, 5, 33, 34}, {"Y"}, [](int, int x, int y) {
+        return 0.1f * static_cast<float>((5 * x + 3 * y + 70) % 13);
+    });
+    expect_like_oracle(scene, true);
 }
 
 TEST(FusePlanes, PixelsWithoutNormalsAreAveragedAmongThemselves)
@@ -171,6 +182,66 @@ TEST(FusePlanes, EveryPixelAnObjectOfItsOwnKeepsItself)
         for (int y = 0; y < 20; ++y)
             for (int x = 0; x < 20; ++x)
                 ASSERT_FLOAT_EQ(result.view().at(c, x, y), scene.image.view().at(c, x, y));
+}
+
+TEST(FusePlanes, PixelsBetweenTheLatticeAreAsGood)
+{
+    const Region data{0, 0, 96, 90};
+    PlaneScene flat = even_scene(
+        data, 1, [](int, int, int) { return 1.0f; }, 0.04f);
+    std::mt19937 random(3);
+    std::normal_distribution<float> noise(1.0f, 0.2f);
+    for (int y = 0; y < 90; ++y)
+        for (float& v : flat.image.view().row_span(0, y)) v = noise(random);
+    const auto errors = [&](int stride) {
+        ParamValues fit = fit_params(8, 0.0), fuse = fuse_params(8, "max");
+        fit["stride"] = fuse["stride"] = std::int64_t{stride};
+        const TestImage result = filter_planes(flat, fit, fuse);
+        std::array<double, 2> sums{}, n{};
+        for (int y = 9; y < 81; ++y)
+            for (int x = 9; x < 87; ++x) {
+                const std::size_t between = x % stride != 0 || y % stride != 0 ? 1 : 0;
+                sums[between] += std::pow(result.view().at(0, x, y) - 1.0, 2);
+                n[between] += 1.0;
+            }
+        return std::pair{sums[0] / n[0], sums[1] / std::max(1.0, n[1])};
+    };
+    const double all = errors(1).first;
+    for (const int stride : {2, 3}) {
+        const auto [on, between] = errors(stride);
+        EXPECT_NEAR(between / on, 1.0, 0.1) << stride;
+        EXPECT_LT(between, 1.2 * all) << stride;
+    }
+}
+
+TEST(FusePlanes, StrideOfTheSamePlanesChangesNothing)
+{
+    const PlaneScene scene = noisy_scene({-5, 3, 46, 38}, 3, 0.3f, 5);
+    const auto planes = run_node("fit.plane", fit_params(6, 0.02), scene.inputs());
+    const auto fused = [&](int stride) {
+        ParamValues p = fuse_params(6);
+        p["stride"] = std::int64_t{stride};
+        return run_node("fuse.planes", p, scene.inputs(&planes.image("coefficients")));
+    };
+    const auto one = fused(1);
+    for (const int stride : {2, 3})
+        EXPECT_EQ(differing_floats(fused(stride).image("image"), one.image("image")), 0u) << stride;
+}
+
+TEST(FusePlanes, LightOfDarkPixelsCountsLess)
+{
+    // Radiance with one firefly, where the surface is all but black.
+    const Region data{0, 0, 30, 30};
+    PlaneScene scene = even_scene(
+        data, 1, [](int, int x, int y) { return x == 15 && y == 15 ? 50.0f : 1.0f; }, 1.0f);
+    const auto beside = [&] {
+        return filter_planes(scene, fit_params(5, 0.0, 0.0), fuse_params(5)).view().at(0, 17, 15);
+    };
+    const float without = beside();
+    scene.pivot = test::make_image(
+        data, {"Y"}, [](int, int x, int y) { return x == 15 && y == 15 ? 1e-4f : 0.64f; });
+    EXPECT_GT(without, 1.2f);
+    EXPECT_NEAR(beside(), 1.0f, 0.2f * (without - 1.0f));
 }
 
 TEST(FusePlanes, NaNDoesNotSpread)
