@@ -151,7 +151,7 @@ def spp_plots(data):
         values = [v for s in series.values() for _, v, _ in s if v > 0]
         floor = next((q.get("reference_rmse") for s in series.values() for *_, q in s if q.get("reference_rmse")), None)
         low = min([*values, *([floor] if floor else [])])
-        plot = Plot(data.title(scene), Axis(counts[0], counts[-1], only=counts), Axis(low, max(values)),
+        plot = Plot(data.title(scene), Axis(counts[0] / 1.15, counts[-1] * 1.15, only=counts), Axis(low, max(values)),
                     "samples per pixel", "RMSE", name=f"spp-{scene}".replace("/", "_"))
         if PLAIN in series:
             # The model 1/√n through the centre of the measured points.
@@ -606,7 +606,7 @@ def page(data, folder):
             add(folded(f"{len(rows)} nodes and graphs, in figures",
                        table(NODE_HEAD, [[f"<code>{escape(r[0])}</code>", *r[1:]] for r in rows])) + "</section>")
     if data.scaling:
-        add("<section><h2>Size and threads</h2><p>Images of any size from mirrored copies of a real render. Dotted: proportional. "
+        add("<section><h2>Size and threads</h2><p>Images of any size from mirrored copies of a real render. "
             "Runs may hold a third of the machine's memory for pixels (<code>--memory</code>).</p>" + taken(data.scaling))
         add(data.style.legend([g for g in data.graphs if any(s["graph"] == g for s in data.scaling)]))
         add('<div class="plots">' + "".join(scaling_plots(data)) + "</div></section>")

@@ -42,21 +42,24 @@ def scaling(program, results, data, graph_folder, megapixels, threads, spp=4, on
         if old is None or size < old[0]:
             chosen[case.graph["graph"]] = (size, case)
     folder = pathlib.Path(tempfile.mkdtemp(prefix="rayloom-bench-"))
+    took = {}
     # Threads are compared at one size, large enough for many tiles.
     middle, failed = min(megapixels, key=lambda mp: abs(math.log(mp))), set()
     try:
         for mp in sorted(megapixels):
             width = 16 * round(math.sqrt(mp * 1e6 * 16 / 9) / 16)
             height = 16 * round(width * 9 / 16 / 16)
-            for name, (_, case) in chosen.items():
+            # Graphs that were quick at the size before come first: a run that is cut short has most of them.
+            for name, (_, case) in sorted(chosen.items(), key=lambda c: took.get(c[0], 0.0)):
                 counts = sorted(set(threads)) if mp == middle else [max(threads)]
                 for count in counts if name not in failed else []:
                     key = (f"scaling:{file_hash(case.graph['file'])}:{case.scene.name}:{case.spp}:{width}x{height}:"
                            f"{count}:{program.identity}")
-                    if results.known(key):
+                    if known := results.known(key):
+                        took[name] = known["cpu_seconds"]
                         continue
                     try:
-                        measure(case, program, results, key, width, height, count, folder)
+                        took[name] = measure(case, program, results, key, width, height, count, folder)
                     except BenchError as e:
                         say(f"scaling: {case.name} {width}x{height}: {e.reason()}")
                         failed.add(name)
@@ -80,3 +83,4 @@ def measure(case, program, results, key, width, height, threads, folder):
                 sweeps=report.get("sweeps"), strips=report.get("strips"))
     say(f"scaling: {case.graph['graph']} {width}x{height}, {threads} threads: {report['seconds']:.2f} s, "
         f"{done.cpu:.1f} s of processor time, {done.max_rss / 2**20:.0f} MiB")
+    return done.cpu
