@@ -76,13 +76,14 @@ const Scene& scene(int percent)
     return it->second;
 }
 
-/// Squares 5², 7², 9², 13², 19² and 31² are tried up to the chosen one. A pixel of a square takes
+/// Squares 5², 7², 9², 13², 19² and 31² are tried up to the chosen one, by a centre that is left to
+/// its neighbours (radius 0) the first two. A pixel of a square takes
 /// 70 operations (tests/oracle/plain_nodes.cpp: weight 20, sums 30, normals 15, quadrants 5).
 double fit_flops(int radius)
 {
     double pixels = 0.0;
     for (const int r : {2, 3, 4, 6, 9, 15})
-        if (r <= radius) pixels += (2 * r + 1) * (2 * r + 1);
+        if (r <= (radius > 0 ? radius : settings().dense)) pixels += (2 * r + 1) * (2 * r + 1);
     return 70.0 * pixels;
 }
 
@@ -118,13 +119,17 @@ void report(benchmark::State& state, double pixels, double radius)
         pixels, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
+/// Of the centres that are not left to their neighbours.
 double mean_radius(const Scene& s)
 {
-    double sum = 0.0;
+    double sum = 0.0, n = 0.0;
     const Region& data = s.image.region();
     for (int y = data.y0; y < data.y1; ++y)
-        for (const float r : s.coefficients.view().row_span(0, y)) sum += static_cast<double>(r);
-    return sum / static_cast<double>(data.pixels());
+        for (const float r : s.coefficients.view().row_span(0, y)) {
+            sum += static_cast<double>(r);
+            n += r > 0.0f ? 1.0 : 0.0;
+        }
+    return sum / n;
 }
 
 void fit(benchmark::State& state)
@@ -181,9 +186,12 @@ oracle::PlaneOptions plain_options()
 
 double plain_radius(const std::vector<oracle::CentrePlanes>& centres)
 {
-    double sum = 0.0;
-    for (const auto& c : centres) sum += c.radius;
-    return sum / static_cast<double>(centres.size());
+    double sum = 0.0, n = 0.0;
+    for (const auto& c : centres) {
+        sum += c.radius;
+        n += c.radius > 0 ? 1.0 : 0.0;
+    }
+    return sum / n;
 }
 
 void plain_fit(benchmark::State& state)
