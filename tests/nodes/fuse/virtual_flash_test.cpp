@@ -4,6 +4,7 @@
 #include "rayloom/engine/run.h"
 #include "rayloom/graph/reader.h"
 #include "tests/support/folders.h"
+#include "tests/support/made_up_deep.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -180,6 +181,125 @@ TEST(VirtualFlash, WithoutAFlashTheLightAloneGuidesAndTheReportSaysSo)
     EXPECT_THAT(report.notes,
                 testing::Contains(testing::HasSubstr("F is the partial light alone")));
     EXPECT_EQ(report.images.at("flash").front().desc.data, (Region{0, 0, 96, 96}));
+}
+
+TEST(VirtualFlash, DeepSamplesGiveWhatTheirStackGives)
+{
+    const Graph graph = read_graph((source / "graphs/virtual-flash.yaml").string());
+    const auto scene = source / "tests/data/cycles/interior";
+    RunRequest request = request_for(scene, 4);
+    request.inputs.erase("reference");
+    request.outputs["image"] = {};
+    const RunReport of_stack = run_graph(graph, request);
+    std::vector<MemoryImage> renders;
+    for (const InputFile& file : request.inputs.at("stack").files)
+        renders.push_back(load_image(file.path, file.layer));
+    const Region& window = renders.front().desc.data;
+    const auto samples = [&](int, int) { return static_cast<int>(renders.size()); };
+    request.inputs.erase("stack");
+    request.inputs["deep"].deep = std::make_shared<const MemoryDeep>(
+        test::make_deep(window, {"R", "G", "B"}, samples, [&](int c, int x, int y, int i) {
+            return renders[static_cast<std::size_t>(i)].pixels.view().at(c, x, y);
+        }));
+    const RunReport of_deep = run_graph(graph, request);
+    const ConstImageView a = of_stack.images.at("image").front().pixels.view();
+    const ConstImageView b = of_deep.images.at("image").front().pixels.view();
+    for (int c = 0; c < 3; ++c)
+        for (int y = window.y0; y < window.y1; ++y)
+            for (int x = window.x0; x < window.x1; ++x)
+                ASSERT_EQ(a.at(c, x, y), b.at(c, x, y)) << c << " " << x << " " << y;
+}
+
+TEST(VirtualFlash, FirefliesAreSpreadWithoutAFlashAndInSequencesToo)
+{
+    const Graph graph = parse_graph(R"(rayloom: 1
+name: fireflies
+params:
+  outliers: 0.2
+inputs:
+  stack: {kind: list, channels: RGB}
+  albedo: {channels: RGB}
+  reference: {channels: RGB}
+nodes:
+  mean: {op: transform.statistics, stack: stack}
+  guided: {op: graph:nlm-guided, stack: stack, guide: albedo, outliers: $outliers}
+  frame: {op: graph:virtual-flash-sequence, frame: mean.mean, guide: albedo, samples: 8, outliers: $outliers}
+  of_guided: {op: measure.error, image: guided.image, reference: reference}
+  of_frame: {op: measure.error, image: frame.image, reference: reference}
+  kept_guided: {op: measure.error, image: guided.image, reference: mean.mean}
+  kept_frame: {op: measure.error, image: frame.image, reference: mean.mean}
+outputs:
+  guided: of_guided.errors
+  frame: of_frame.errors
+  kept_guided: kept_guided.errors
+  kept_frame: kept_frame.errors
+)",
+                                    "fireflies");
+    for (const char* scene : {"interior", "caustics"}) {
+        const auto folder = source / "tests/data/cycles" / scene;
+        RunRequest request = request_for(folder, 8);
+        request.inputs.erase("partial");
+        request.inputs.erase("flash_unit");
+        add_albedo(request, folder);
+        const RunReport split = run_graph(graph, request);
+        request.param_texts["outliers"] = "0";
+        const RunReport whole = run_graph(graph, request);
+        for (const char* output : {"guided", "frame"}) {
+            EXPECT_LT(figures(split, output).number("relmse"),
+                      0.8 * figures(whole, output).number("relmse"))
+                << scene << " " << output;
+            EXPECT_NEAR(
+                figures(split, (std::string("kept_") + output).c_str()).number("brightness_ratio"),
+                1.0, 0.03)
+                << scene << " " << output;
+        }
+    }
+}
+
+/// The flash image of a request to virtual-flash.
+MemoryImage flash_of(RunRequest request)
+{
+    request.inputs.erase("reference");
+    request.outputs["flash"] = {};
+    RunReport report =
+        run_graph(read_graph((source / "graphs/virtual-flash.yaml").string()), request);
+    return std::move(report.images.at("flash").front());
+}
+
+TEST(VirtualFlash, LightPassesThatTheRendererMapFindsMakeThePartialLight)
+{
+    for (const char* name : {"interior", "dof"}) {
+        const auto scene = source / "tests/data/cycles" / name;
+        RunRequest request = request_for(scene, 4);
+        request.inputs["partial"].files = {{(scene / "flash_16.exr").string(), "partial"}};
+        const MemoryImage given = flash_of(request);
+        request.inputs.erase("partial");
+        // The file alone: which layer is meant says the input's role.
+        for (const char* pass :
+             {"diffuse_direct", "diffuse_color", "glossy_direct", "glossy_indirect", "glossy_color",
+              "transmission_direct", "transmission_indirect", "transmission_color", "emission",
+              "environment"})
+            request.inputs[pass].files = {{(scene / "noisy_16.exr").string(), ""}};
+        const MemoryImage made = flash_of(request);
+        // Without one of them it is another image.
+        request.inputs.erase("emission");
+        request.inputs.erase("environment");
+        request.inputs.erase("glossy_indirect");
+        const MemoryImage less = flash_of(request);
+        const Region& window = given.desc.data;
+        double sum = 0.0, off = 0.0, missing = 0.0;
+        for (int c = 0; c < 3; ++c)
+            for (int y = window.y0; y < window.y1; ++y)
+                for (int x = window.x0; x < window.x1; ++x) {
+                    const double v = given.pixels.view().at(c, x, y);
+                    sum += std::abs(v);
+                    off += std::abs(made.pixels.view().at(c, x, y) - v);
+                    missing += std::abs(less.pixels.view().at(c, x, y) - v);
+                }
+        // Passes, their products and the given light are half floats.
+        EXPECT_LT(off, 1e-3 * sum) << name;
+        EXPECT_GT(missing, 1e-2 * sum) << name;
+    }
 }
 
 TEST(VirtualFlash, AnAlbedoKeepsTextureAndLight)
