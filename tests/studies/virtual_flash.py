@@ -88,6 +88,11 @@ class Study:
             result[output] = figures[0] if isinstance(figures, list) else figures
         return result
 
+    @staticmethod
+    def brightness(figures):
+        """Mean of the result over that of the input."""
+        return f"{figures['d']['brightness_ratio'] / figures['noisy']['brightness_ratio']:.3f}"
+
     def compare(self, image, reference):
         done = subprocess.run([self.rayloom, "compare", str(image), str(reference), "--no-flip", "--json"], check=True,
                               capture_output=True, text=True)
@@ -97,23 +102,18 @@ class Study:
     def readings(self):
         """Second step and error: one run for both tables."""
         every = []
-        for scene in SCENES:
-            for samples in SAMPLES:
-                stack = self.stack(scene, samples)
-                if not stack:
-                    continue
-                f = self.figures("virtual_flash_readings.yaml", scene, stack, READINGS)
-                before = self.figures("virtual_flash_readings.yaml", scene, stack, ["d"],
-                                      ["outliers=0", "floor=0", f"narrow_samples={samples}"])
-                self.run("ray-histogram-fusion-stack", "-i", f"stack={stack}:Combined", "-o",
-                         f"image={self.work}/rhf.exr")
-                rhf = self.compare(self.work / "rhf.exr", f"{self.scenes}/{scene}/ref.exr:Combined")
-                every.append((scene, samples, f, before["d"], rhf))
+        for scene, samples, stack in self.stacks():
+            f = self.figures("virtual_flash_readings.yaml", scene, stack, READINGS)
+            before = self.figures("virtual_flash_readings.yaml", scene, stack, ["d"],
+                                  ["outliers=0", "floor=0", f"narrow_samples={samples}"])
+            self.run("ray-histogram-fusion-stack", "-i", f"stack={stack}:Combined", "-o", f"image={self.work}/rhf.exr")
+            rhf = self.compare(self.work / "rhf.exr", f"{self.scenes}/{scene}/ref.exr:Combined")
+            every.append((scene, samples, f, before["d"], rhf))
         print("\nThe second step\n")
         row("scene", "samples", "noisy", "7×7 only", "31×31 only", "(a)", "(b)", "(c)", "(d)", "brightness of (d)")
         for scene, samples, f, _, _ in every:
             row(scene, samples, *(short(f[k]["relmse"]) for k in READINGS if k != "nlm"),
-                f"{f['d']['brightness_ratio']:.3f}")
+                self.brightness(f))
         print("\nError\n")
         row("scene", "samples", "noisy", "NLM", "RHF", "before", "virtual flash", "gain")
         for scene, samples, f, before, rhf in every:
@@ -122,17 +122,61 @@ class Study:
 
     def gates(self):
         row("scene", "samples", "the paper's", "", "one-sample", "", "two-sample", "", "none", "")
+        for scene, samples, stack in self.stacks():
+            if samples not in (4, 16, 64):
+                continue
+            cells = []
+            for settings in (["gate=one-sample", "outliers=0", "floor=0", f"narrow_samples={samples}"],
+                             ["gate=one-sample"], ["gate=two-sample"], ["gate=none"]):
+                f = self.figures("virtual_flash_readings.yaml", scene, stack, ["noisy", "d"], settings)
+                cells += [short(f["d"]["relmse"]), self.brightness(f)]
+            row(scene, samples, *cells)
+
+    def albedo(self):
+        row("scene", "samples", "without", "with")
+        for scene, samples, stack in self.stacks():
+            cells = []
+            for albedo in [], ["-i", f"albedo={self.scenes}/{scene}/noisy_16.exr:Denoising Albedo"]:
+                self.run("virtual-flash", *self.inputs(scene, stack), *albedo, "-o", f"image={self.work}/image.exr")
+                cells.append(self.error(self.work / "image.exr", scene))
+            row(scene, samples, *cells)
+
+    def guided(self):
+        """nlm-guided with and without splitting fireflies off, by albedo and by the render itself."""
+        row("scene", "samples", "albedo, kept", "albedo, split", "itself, kept", "itself, split")
+        for scene, samples, stack in self.stacks():
+            cells = []
+            for guide in ["-i", f"guide={self.scenes}/{scene}/noisy_16.exr:Denoising Albedo"], []:
+                for outliers in 0, 0.2:
+                    self.run("nlm-guided", "-i", f"stack={stack}:Combined", *guide, "-p", f"outliers={outliers}",
+                             "-o", f"image={self.work}/image.exr")
+                    cells.append(self.error(self.work / "image.exr", scene))
+            row(scene, samples, *cells)
+
+    def frames(self):
+        """virtual-flash-sequence on single frames without statistics, fireflies kept and split off."""
+        row("scene", "samples", "kept", "split")
         for scene in SCENES:
-            for samples in 4, 16, 64:
-                stack = self.stack(scene, samples)
-                if not stack:
-                    continue
+            for samples, albedo in (4, 16), (16, 16), (64, 64):
+                folder = self.scenes / scene
                 cells = []
-                for settings in (["gate=one-sample", "outliers=0", "floor=0", f"narrow_samples={samples}"],
-                                 ["gate=one-sample"], ["gate=two-sample"], ["gate=none"]):
-                    f = self.figures("virtual_flash_readings.yaml", scene, stack, ["d"], settings)["d"]
-                    cells += [short(f["relmse"]), f"{f['brightness_ratio']:.3f}"]
+                for outliers in 0, 0.2:
+                    self.run("virtual-flash-sequence", "-i", f"frame={folder}/noisy_{samples}.exr:Combined", "-i",
+                             f"guide={folder}/noisy_{albedo}.exr:Denoising Albedo", "-p", f"samples={samples}",
+                             "-p", f"outliers={outliers}", "-o", f"image={self.work}/image.exr")
+                    cells.append(self.error(self.work / "image.exr", scene))
                 row(scene, samples, *cells)
+
+    def stacks(self):
+        for scene in SCENES:
+            for samples in SAMPLES:
+                stack = self.stack(scene, samples)
+                if stack:
+                    yield scene, samples, stack
+
+    def error(self, image, scene):
+        f = self.compare(image, f"{self.scenes}/{scene}/ref.exr:Combined")
+        return f"{short(f['relmse'])} ({short(f['relmse_trimmed'])})"
 
     def coverage(self):
         row("samples", "paper", *SCENES)
@@ -172,13 +216,13 @@ class Study:
 
 
 def main():
+    parts = ["readings", "gates", "albedo", "guided", "coverage", "sequence", "frames"]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", type=pathlib.Path)
-    parser.add_argument("what", nargs="*", metavar="WHAT", help="readings, gates, coverage, sequence (all of them)")
+    parser.add_argument("what", nargs="*", metavar="WHAT", help=", ".join(parts) + " (all of them)")
     parser.add_argument("--build", type=pathlib.Path, default=pathlib.Path("build"))
     parser.add_argument("--seeds", type=pathlib.Path)
     arguments = parser.parse_intermixed_args()
-    parts = ["readings", "gates", "coverage", "sequence"]
     for what in arguments.what:
         if what not in parts:
             parser.error(f"what is '{what}'? {', '.join(parts)}")
