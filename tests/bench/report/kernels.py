@@ -122,7 +122,11 @@ def kernels(program, results, pattern=".", min_time=0.2):
         part = f"kernel:{'|'.join(of)}:{min_time}:{program.identity}:{file_hash(program.bench)}"
         known = results.known(part)
         if known is None:
-            lines = run_benchmarks(program, "^(" + "|".join(re.escape(n).replace(r"\-", "-") for n in of) + ")$", min_time)
+            try:
+                lines = run_benchmarks(program, "^(" + "|".join(re.escape(n).replace(r"\-", "-") for n in of) + ")$", min_time)
+            except BenchError as e:
+                say(f"kernels: {group}: {e.reason()}")
+                continue
             known = results.add("kernel_run", part, what=group, raw=lines)
         entries += [figures(line, limits) for line in known["raw"]]
     oracle_pairs(entries)

@@ -75,6 +75,8 @@ def performance(data):
                        short(best(q) / q["pixels"] * 1e6), mib(q["peak_bytes"]), mib(q["max_rss"])] for q in cases], 2) + "\n"
     if data.scaling:
         out += "## Size and threads of a run\n\n" + stated(data.scaling)
+        out += ("Seconds are wall-clock time, which other programs lengthen (the load says how many there were); "
+                "processor seconds of all threads are what to compare.\n\n")
         out += table(["graph", "spp", "image", "threads", "seconds", "processor s", "MiB for pixels", "MiB, process"],
                      [[s["graph"], s["spp"], f"{s['width']}×{s['height']}", s["threads"], f"{s['seconds']:.2f}", f"{s['cpu_seconds']:.1f}", mib(s["peak_bytes"]),
                        mib(s["max_rss"])] for s in sorted(data.scaling, key=lambda s: (s["graph"], s["threads"], s["width"]))]) + "\n"
