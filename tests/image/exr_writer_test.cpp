@@ -126,7 +126,11 @@ TEST(ImageWriter, KeepsWindowsTypesAndMetadata)
 TEST(ImageWriter, TheSameBytesWhateverTheBands)
 {
     const TemporaryFolder folder;
-    const Image image = ramp_image({0, 0, 40, 71}, {"R", "G", "B"});
+    // Without a date of its own a file has that of its writing.
+    Part part{"", {{"R"}, {"G"}, {"B"}}, 0, 0, 40, 71, 0, 0, 40, 71};
+    part.header = [](OIIO::ImageSpec& spec) { spec.attribute("DateTime", "2026:02:03 04:05:06"); };
+    write_exr(folder.file("in.exr"), {part});
+    const Image image = ramp_image(layer_desc(folder.file("in.exr"), ""));
     std::vector<char> first;
     for (const int rows : {71, 1, 16, 33}) {
         ImageWriter writer(image.desc, {folder.file("a.exr"), "float", "zip", "", ""});
