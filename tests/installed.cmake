@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Steps of the tests that use an installed copy, one a call:
-#   cmake -DSTEP=install|consumer|pkgconfig|plugin|broken_plugin|clashing_plugin|command
-#         -DBUILD=… -DWORK=… -DSOURCE=… [-DFLAGS=…] -P installed.cmake
+#   cmake -DSTEP=install|consumer|pkgconfig|plugin|broken_plugin|clashing_plugin|throwing_plugin|command
+#         -DBUILD=… -DWORK=… -DSOURCE=… -DCXX=… [-DFLAGS=…] -P installed.cmake
 # BUILD is rayloom's build folder, WORK a folder of the test's own, SOURCE the folder tests/.
 cmake_minimum_required(VERSION 3.25)
 # Moved after it was installed: nothing in it may know where it stood.
@@ -34,7 +34,7 @@ endfunction()
 
 function(build_outside name)
   run(COMMAND ${CMAKE_COMMAND} -S ${SOURCE}/${name} -B ${WORK}/${name} -G Ninja
-    -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${prefix} "-DCMAKE_CXX_FLAGS=${FLAGS}")
+    -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${prefix} -DCMAKE_CXX_COMPILER=${CXX} "-DCMAKE_CXX_FLAGS=${FLAGS}")
   run(COMMAND ${CMAKE_COMMAND} --build ${WORK}/${name})
 endfunction()
 
@@ -57,7 +57,7 @@ elseif(STEP STREQUAL pkgconfig)
   separate_arguments(flags UNIX_COMMAND "${flags}")
   separate_arguments(extra UNIX_COMMAND "${FLAGS}")
   cmake_path(GET folder PARENT_PATH libraries)
-  run(COMMAND c++ -std=c++20 ${extra} ${SOURCE}/consumer/main.cpp -o ${WORK}/by_pkgconfig ${flags}
+  run(COMMAND ${CXX} -std=c++20 ${extra} ${SOURCE}/consumer/main.cpp -o ${WORK}/by_pkgconfig ${flags}
     -Wl,-rpath,${libraries})
   run(COMMAND ${WORK}/by_pkgconfig OUTPUT out)
   expect("${out}" "data: ${prefix}/share/rayloom\n")
@@ -87,6 +87,30 @@ elseif(STEP STREQUAL clashing_plugin)
   run(COMMAND ${WORK}/consumer/consumer ${WORK}/plugins:${WORK}/again ERRORS err EXIT 3)
   expect("${err}" "${WORK}/again/libcopy.so")
   expect("${err}" "example.despeckle")
+
+elseif(STEP STREQUAL throwing_plugin)
+  # Whatever a node from elsewhere throws, from wherever: an error that names it, the earlier file stays.
+  build_outside(throwing_plugin)
+  file(REMOVE_RECURSE ${WORK}/throws)
+  file(COPY ${WORK}/throwing_plugin/libthrows.so DESTINATION ${WORK}/throws)
+  set(ENV{RAYLOOM_PLUGINS} ${WORK}/throws)
+  foreach(place create plan compute)
+    foreach(what mine bad_alloc int)
+      set(exit 70)
+      if(what STREQUAL bad_alloc)
+        set(exit 5)
+      endif()
+      file(WRITE ${WORK}/thrown.exr "the earlier file")
+      run(COMMAND ${prefix}/bin/rayloom run ${SOURCE}/throwing_plugin/throws.yaml -p place=${place} -p what=${what}
+        -i image=${SOURCE}/data/cycles/cornell/stack/s01.exr:Combined -o image=${WORK}/thrown.exr
+        ERRORS err EXIT ${exit})
+      expect("${err}" "node 'bad' (example.throws)")
+      file(READ ${WORK}/thrown.exr content)
+      if(NOT content STREQUAL "the earlier file")
+        message(FATAL_ERROR "${what} in ${place}: the earlier file is gone")
+      endif()
+    endforeach()
+  endforeach()
 
 elseif(STEP STREQUAL command)
   set(ENV{RAYLOOM_PLUGINS} ${WORK}/plugins)

@@ -103,11 +103,14 @@ std::size_t parse_bytes(std::string_view text)
                    [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
     if (unit.size() == 2 && unit[1] == 'B') unit.pop_back();
     const std::size_t scale = std::string_view("BKMGT").find(unit.empty() ? 'B' : unit[0]);
-    if (status != std::errc{} || !(value > 0.0) || unit.size() > 1 ||
-        scale == std::string_view::npos)
+    const double bytes = scale == std::string_view::npos
+                             ? 0.0
+                             : value * std::pow(1000.0, static_cast<double>(scale));
+    // Less than a byte is no size, and what no machine addresses is no number of bytes.
+    if (status != std::errc{} || unit.size() > 1 || !(bytes >= 1.0 && bytes < 0x1p63))
         throw UsageError("'" + std::string(text) +
                          "' is not a size; write 2G, 500M or a number of bytes");
-    return static_cast<std::size_t>(value * std::pow(1000.0, static_cast<double>(scale)));
+    return static_cast<std::size_t>(bytes);
 }
 
 } // namespace rayloom

@@ -92,7 +92,8 @@ TEST(Text, BytesRoundTripThroughUnits)
     EXPECT_EQ(parse_bytes("2G"), 2'000'000'000u);
     EXPECT_EQ(parse_bytes("1.5MB"), 1'500'000u);
     EXPECT_EQ(parse_bytes("300"), 300u);
-    for (const char* bad : {"", "G", "-1G", "2X", "0", "1GG"})
+    for (const char* bad :
+         {"", "G", "-1G", "2X", "0", "1GG", "0.4", "9e99T", "9300000T", "inf", "nan"})
         EXPECT_THROW(parse_bytes(bad), UsageError) << bad;
     EXPECT_EQ(format_bytes(2'000'000'000u), "2.0 GB");
 }

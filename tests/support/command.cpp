@@ -92,6 +92,8 @@ bool StartedCommand::says(const std::string& word) const
     return true;
 }
 
+double slowness() { return RAYLOOM_TEST_SLOWNESS; }
+
 CommandResult rayloom(std::vector<std::string> arguments, const fs::path& folder,
                       const std::vector<std::string>& environment)
 {

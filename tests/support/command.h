@@ -27,6 +27,9 @@ CommandResult run_command(const std::vector<std::string>& arguments,
 CommandResult rayloom(std::vector<std::string> arguments, const std::filesystem::path& folder,
                       const std::vector<std::string>& environment = {});
 
+/// How many times as long things may take in this build: sanitizers slow them down.
+double slowness();
+
 /// The built `rayloom`, started and not waited for.
 class StartedCommand
 {

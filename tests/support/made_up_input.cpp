@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <random>
 
 namespace rayloom::test
@@ -33,7 +34,7 @@ std::shared_ptr<MemoryImage> blank(const Region& window, std::vector<std::string
 float radiance(int x, int y, std::mt19937& random)
 {
     std::exponential_distribution<float> light(1.0f);
-    return (x + y) % 29 < 14 ? 0.2f * light(random) : 1.5f * light(random);
+    return (std::int64_t{x} + y) % 29 < 14 ? 0.2f * light(random) : 1.5f * light(random);
 }
 
 std::shared_ptr<MemoryImage> histogram_image(const Region& window, unsigned seed)
@@ -48,7 +49,8 @@ std::shared_ptr<MemoryImage> histogram_image(const Region& window, unsigned seed
     std::mt19937 random(seed);
     for (int y = window.y0; y < window.y1; ++y)
         for (int x = window.x0; x < window.x1; ++x) {
-            const int samples = 14 + (x * 7 + y * 3) % 5;
+            const auto more = (std::int64_t{x} * 7 + std::int64_t{y} * 3) % 5;
+            const int samples = 14 + static_cast<int>(more);
             for (int s = 0; s < samples; ++s)
                 for (int c = 0; c < 3; ++c) {
                     const float v =
@@ -78,7 +80,7 @@ std::shared_ptr<MemoryImage> radiance_image(const Region& window, std::vector<st
                 const bool alpha = image->desc.channels[static_cast<std::size_t>(c)] == "A";
                 float& v = image->pixels.view().at(c, x, y);
                 v = radiance(x, y, random);
-                if (alpha) v = 0.25f + 0.75f * static_cast<float>((x + y) % 2);
+                if (alpha) v = 0.25f + 0.75f * static_cast<float>((std::int64_t{x} + y) % 2);
                 if (black.contains(x, y)) v = 0.0f;
                 if (even.contains(x, y)) v = 0.5f;
             }
