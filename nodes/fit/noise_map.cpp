@@ -7,13 +7,21 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace rayloom
 {
 namespace
 {
 
-/// Σ√|v| over values that are not exactly zero, and how many there are.
+/// √|v|; 0 for what is not finite, which then is no evidence.
+inline float root_of(float v)
+{
+    const float size = std::fabs(v);
+    return size <= std::numeric_limits<float>::max() ? std::sqrt(size) : 0.0f;
+}
+
+/// Σ√|v| over values that are finite and not exactly zero, and how many there are.
 void add_roots(std::span<const float> values, std::span<double> sums)
 {
     // Eight partial sums: see BandMoments::add().
@@ -21,8 +29,9 @@ void add_roots(std::span<const float> values, std::span<double> sums)
     std::array<double, lanes> roots{};
     std::array<std::int32_t, lanes> zeros{};
     const auto add = [&](std::size_t k, float v) {
-        roots[k] += static_cast<double>(std::sqrt(std::fabs(v)));
-        zeros[k] += v == 0.0f;
+        const float root = root_of(v);
+        roots[k] += static_cast<double>(root);
+        zeros[k] += root == 0.0f;
     };
     const std::size_t n = values.size();
     std::size_t i = 0;
@@ -53,7 +62,7 @@ public:
             .doc("The high-pass of a render's logarithm, or of half the difference of two halves, "
                  "is mostly noise. The map is (K u / K 1)², where u is the mean over channels of "
                  "√|h|, each over its own mean in the image, and K the smooth kernel of "
-                 "transform.restore_mean over pixels that are not exactly zero (a black "
+                 "transform.restore_mean over pixels that are finite and not exactly zero (a black "
                  "background is no evidence); it is kept between `least` and `greatest`. Roots, "
                  "as noise is everywhere and edges are not: a line of edges through the kernel "
                  "counts little. One map for all channels, so that no colour is cored more than "
@@ -151,8 +160,7 @@ public:
             for (std::size_t c = 0; c < m_share.size(); ++c) {
                 load_mirrored_row(band.channel_range(static_cast<int>(c), 1), m_window, y, wide,
                                   row.data());
-                for (std::size_t i = 0; i < n; ++i)
-                    size[i] += m_share[c] * std::sqrt(std::fabs(row[i]));
+                for (std::size_t i = 0; i < n; ++i) size[i] += m_share[c] * root_of(row[i]);
             }
             for (std::size_t i = 0; i < n; ++i) {
                 count[i] = size[i] > 0.0f ? 1.0f : 0.0f;

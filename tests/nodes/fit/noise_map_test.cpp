@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <random>
 
 namespace rayloom::test
@@ -66,6 +67,21 @@ TEST(FitNoiseMap, BlackIsNoEvidence)
     EXPECT_NEAR(mean_of(map, 140, 170), mean_of(map, 240, 280), 0.1);
     EXPECT_NEAR(mean_of(map, 240, 280), 1.0, 0.1);
     EXPECT_EQ(map.pixels.view().at(0, 0, 100), 0.25f);
+}
+
+TEST(FitNoiseMap, WhatIsNotFiniteIsNoEvidence)
+{
+    const auto value = [](int, int, int, float noise) { return noise; };
+    const MemoryImage whole = map_of(value);
+    const MemoryImage holed = map_of([&](int c, int x, int y, float noise) {
+        if (x == 130 && y == 100) return std::numeric_limits<float>::quiet_NaN();
+        return x == 50 && y == 60 ? std::numeric_limits<float>::infinity() : noise;
+    });
+    for (int y = window.y0; y < window.y1; ++y)
+        for (int x = window.x0; x < window.x1; ++x)
+            ASSERT_NEAR(holed.pixels.view().at(0, x, y), whole.pixels.view().at(0, x, y), 0.3)
+                << x << "," << y;
+    EXPECT_NEAR(mean_of(holed, -20, 280), mean_of(whole, -20, 280), 0.01);
 }
 
 TEST(FitNoiseMap, StaysBetweenItsBounds)
