@@ -73,7 +73,7 @@ TEST(FitNoiseMap, WhatIsNotFiniteIsNoEvidence)
 {
     const auto value = [](int, int, int, float noise) { return noise; };
     const MemoryImage whole = map_of(value);
-    const MemoryImage holed = map_of([&](int c, int x, int y, float noise) {
+    const MemoryImage holed = map_of([](int, int x, int y, float noise) {
         if (x == 130 && y == 100) return std::numeric_limits<float>::quiet_NaN();
         return x == 50 && y == 60 ? std::numeric_limits<float>::infinity() : noise;
     });
