@@ -228,6 +228,40 @@ TEST(FusePlanes, StrideOfTheSamePlanesChangesNothing)
         EXPECT_EQ(differing_floats(fused(stride).image("image"), one.image("image")), 0u) << stride;
 }
 
+/// Turns every image of the scene left to right within its data window.
+void mirror(PlaneScene& scene)
+{
+    const auto turn = [](TestImage& image) {
+        const Region& data = image.desc.data;
+        for (int c = 0; c < image.view().channels(); ++c)
+            for (int y = data.y0; y < data.y1; ++y)
+                std::ranges::reverse(image.view().row_span(c, y));
+    };
+    turn(scene.image);
+    turn(scene.variance);
+    for (auto* image : {&scene.normal, &scene.boundary, &scene.parts, &scene.pivot})
+        if (*image) turn(**image);
+}
+
+TEST(FusePlanes, AMirroredSceneGivesTheMirroredResultWithoutLattice)
+{
+    // The lattice of larger strides lies at absolute coordinates and does not turn with the scene.
+    PlaneScene scene = noisy_scene({-5, 3, 46, 38}, 3, 0.3f, 5);
+    ParamValues fit = fit_params(6, 0.02), fuse = fuse_params(6);
+    fit["stride"] = fuse["stride"] = std::int64_t{1};
+    const TestImage one = filter_planes(scene, fit, fuse);
+    mirror(scene);
+    const TestImage other = filter_planes(scene, fit, fuse);
+    const Region& data = one.desc.data;
+    for (int c = 0; c < 3; ++c)
+        for (int y = data.y0; y < data.y1; ++y)
+            for (int x = data.x0; x < data.x1; ++x) {
+                const float v = one.view().at(c, x, y);
+                ASSERT_NEAR(other.view().at(c, data.x0 + data.x1 - 1 - x, y), v, 1e-4f * v)
+                    << x << " " << y << " " << c;
+            }
+}
+
 TEST(FusePlanes, LightOfDarkPixelsCountsLess)
 {
     // Radiance with one firefly, where the surface is all but black.

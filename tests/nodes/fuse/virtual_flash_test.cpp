@@ -327,11 +327,17 @@ outputs:
          {std::pair{"interior", 0.75}, std::pair{"caustics", 1.05}, std::pair{"dof", 1.0}}) {
         const auto folder = source / "tests/data/cycles" / scene;
         RunRequest request = request_for(folder, 8);
-        const double before = figures(run_graph(graph, request), "error").number("relmse");
+        const RunReport without = run_graph(graph, request);
         add_albedo(request, folder);
-        const RunReport report = run_graph(graph, request);
-        EXPECT_LT(figures(report, "error").number("relmse"), share * before) << scene;
-        EXPECT_NEAR(figures(report, "kept").number("brightness_ratio"), 1.0, 0.03) << scene;
+        const RunReport with = run_graph(graph, request);
+        EXPECT_LT(figures(with, "error").number("relmse"),
+                  share * figures(without, "error").number("relmse"))
+            << scene;
+        // What the filter itself does to the light of so small a crop is not the albedo's doing.
+        EXPECT_NEAR(figures(with, "kept").number("brightness_ratio") /
+                        figures(without, "kept").number("brightness_ratio"),
+                    1.0, 0.01)
+            << scene;
     }
 }
 
