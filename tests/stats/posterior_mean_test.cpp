@@ -107,6 +107,18 @@ TEST(PosteriorMean, WithoutNoiseOrSignal)
     EXPECT_EQ(posterior_mean(0.7, {0.0, 1.0}, {0.3, 2.0}), 0.0);
 }
 
+TEST(PosteriorMeanTable, BeyondItsEndAsMuchIsTakenAsThere)
+{
+    // Long tails in Gaussian noise: something is taken from every value, the less the larger it is.
+    const float greatest = 5.0f;
+    const PosteriorMeanTable table({0.4, 0.8}, {0.5, 2.0}, greatest);
+    const float at_end = greatest - table(greatest);
+    ASSERT_GT(at_end, 0.01f);
+    for (const float y : {5.5f, 8.0f, 100.0f, 1e6f})
+        for (const float sign : {1.0f, -1.0f})
+            EXPECT_NEAR(sign * table(sign * y), y - at_end, 1e-3f * at_end + 1e-6f * y) << y;
+}
+
 TEST(PosteriorMeanTable, WhatIsNoNumberStaysOutOfTheTable)
 {
     const PosteriorMeanTable table({0.4, 0.8}, {0.19, 1.5}, 5.0);

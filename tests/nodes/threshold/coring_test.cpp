@@ -63,6 +63,35 @@ TEST(Coring, ReadsThePosteriorMean)
     EXPECT_EQ(curve.number("y", curve.rows.size() - 1), fit.number("greatest"));
 }
 
+TEST(Coring, EachChannelIsReadFromItsOwnFit)
+{
+    // Little signal in much noise beside much signal in little noise.
+    std::mt19937 random(8);
+    std::normal_distribution<float> noise(0.0f, 1.0f);
+    const auto image = image_of({0, 0, 80, 70}, {"R", "G"}, [&](int c, int x, int y) {
+        const auto steps = static_cast<float>((x / 9 + y / 11) % 3);
+        return c == 0 ? 0.1f * steps + noise(random) : 3.0f * steps + 0.1f * noise(random);
+    });
+    RunReport report;
+    const MemoryImage cored = run_text(
+        graph_of(chain(""), "'cored.band[3]'", "  band: 'bands[3]'\n  fit: 'fit.figures[3]'\n"),
+        {{"image", image}}, {}, {}, &report);
+    const Table fit = report.tables.at("fit").front();
+    const MemoryImage& band = report.images.at("band").front();
+    for (int c = 0; c < 2; ++c) {
+        const auto row = static_cast<std::size_t>(c);
+        const GeneralisedLaplacian signal{fit.number("s_c", row), fit.number("p_c", row)},
+            own{fit.number("s_n", row), fit.number("p_n", row)};
+        for (int x = 0; x < 80; ++x) {
+            const float y = band.pixels.view().at(c, x, 33);
+            EXPECT_NEAR(cored.pixels.view().at(c, x, 33), posterior_mean(y, signal, own),
+                        2e-4 * own.s)
+                << c;
+        }
+    }
+    EXPECT_GT(fit.number("s_n", 0), 2.0 * fit.number("s_n", 1));
+}
+
 TEST(Coring, WithoutNoiseTheInputComesBack)
 {
     const auto image = image_of({0, 0, 53, 47}, {"R", "G"}, [](int c, int x, int y) {
