@@ -89,7 +89,7 @@ TEST(Coring, EachChannelIsReadFromItsOwnFit)
                 << c;
         }
     }
-    EXPECT_GT(fit.number("s_n", 0), 2.0 * fit.number("s_n", 1));
+    EXPECT_GT(fit.number("s_n", 0), 1.5 * fit.number("s_n", 1));
 }
 
 TEST(Coring, WithoutNoiseTheInputComesBack)
