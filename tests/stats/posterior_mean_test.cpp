@@ -154,6 +154,22 @@ TEST(SignalFit, RecoversSignalBeneathNoise)
     EXPECT_NEAR(fit.density.p, signal.p, 0.02 * signal.p);
 }
 
+TEST(SignalFit, MomentsOfTheSumGiveBackTheSignal)
+{
+    const GeneralisedLaplacian signal{0.7, 0.9};
+    for (const GeneralisedLaplacian noise :
+         {GeneralisedLaplacian{0.3, 1.5}, GeneralisedLaplacian{2.0, 2.0}}) {
+        // E(c + n)² and E(c + n)⁴ of independent c and n without odd moments.
+        const double second = signal.variance() + noise.variance();
+        const double fourth = signal.fourth_moment() + noise.fourth_moment() +
+                              6.0 * signal.variance() * noise.variance();
+        const SignalFit fit = fit_signal(second, fourth, noise);
+        EXPECT_EQ(fit.status, SignalStatus::fitted);
+        EXPECT_NEAR(fit.density.s, signal.s, 1e-6);
+        EXPECT_NEAR(fit.density.p, signal.p, 1e-6);
+    }
+}
+
 TEST(SignalFit, SaysWhatItCouldNotMeet)
 {
     const GeneralisedLaplacian noise{0.5, 2.0};
