@@ -92,10 +92,10 @@ public:
             .range(1, 8)
             .source("docs/methods/bayesian-wavelet.md");
         d.param("least", &Params::least, "Least value of the map.")
-            .range(0.001f, 1.0f)
+            .range(0.001, 1.0)
             .source("docs/methods/bayesian-wavelet.md");
         d.param("greatest", &Params::greatest, "Greatest value of the map.")
-            .range(1.0f, 1000.0f)
+            .range(1.0, 1000.0)
             .source("docs/methods/bayesian-wavelet.md");
     }
     explicit FitNoiseMap(const Params& p) : m_params(p) {}

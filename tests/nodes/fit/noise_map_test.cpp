@@ -85,6 +85,33 @@ TEST(FitNoiseMap, WhatIsNotFiniteIsNoEvidence)
     EXPECT_NEAR(mean_of(holed, -20, 280), mean_of(whole, -20, 280), 1e-4);
 }
 
+TEST(FitNoiseMap, TheMeanRootIsOneWhateverTheWidth)
+{
+    // All light at one end of the rows: what is left of a row behind its last whole vector counts.
+    for (const int width : {9, 15, 23}) {
+        const auto image = image_of({0, 0, width, 64}, {"R"}, [&](int, int x, int y) {
+            return (x == width - 1 ? 8.0f : 1.0f) * static_cast<float>((x + y) % 2);
+        });
+        const MemoryImage map = run_text(
+            graph_of("  bands: {op: multiscale.steerable, image: image, levels: 1}\n"
+                     "  map: {op: fit.noise_map, band: 'bands[0]', scale: 6, least: 0.001,\n"
+                     "        greatest: 1000}\n",
+                     "map"),
+            {{"image", image}});
+        double sum = 0.0;
+        for (int y = 0; y < 64; ++y)
+            for (int x = 0; x < width; ++x) sum += std::sqrt(map.pixels.view().at(0, x, y));
+        EXPECT_NEAR(sum / (64 * width), 1.0, 1e-6) << width;
+    }
+}
+
+TEST(FitNoiseMap, BlackNearbyTakesNothingFromTheStrength)
+{
+    const MemoryImage map =
+        map_of([](int, int x, int, float noise) { return x < 130 ? 0.0f : noise; });
+    EXPECT_NEAR(mean_of(map, 132, 136) / mean_of(map, 240, 280), 1.0, 0.1);
+}
+
 TEST(FitNoiseMap, StaysBetweenItsBounds)
 {
     const MemoryImage map =

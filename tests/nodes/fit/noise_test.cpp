@@ -70,6 +70,24 @@ TEST(FitNoise, TheHighPassOfOneImageWillDo)
     }
 }
 
+TEST(FitNoise, EachChannelsHighPassStandsForItsOwnBands)
+{
+    std::mt19937 random(7);
+    std::normal_distribution<float> noise(0.0f, 0.1f);
+    const auto image = image_of({0, 0, 300, 240}, {"R", "G"}, [&](int c, int, int) {
+        return static_cast<float>(1 + 3 * c) * noise(random);
+    });
+    const auto figures = tables_of("  bands: {op: multiscale.steerable, image: image, levels: 2}\n"
+                                   "  high: {op: fit.noise, band: 'bands[0]', excess: 0}\n"
+                                   "  noise: {op: fit.noise, band: bands, high: high.figures,\n"
+                                   "          growth: 0}\n",
+                                   "  image: any\n", {{"image", image}});
+    for (std::size_t i = 0; i < 9; ++i)
+        EXPECT_NEAR(figures[i].number("s_n", 1), 4.0 * figures[i].number("s_n", 0),
+                    0.1 * figures[i].number("s_n", 0))
+            << i;
+}
+
 TEST(FitNoise, EdgesOfACleanImageAreNotNoise)
 {
     // Smooth but for edges: the high-pass is large along them and next to nothing elsewhere.

@@ -63,7 +63,7 @@ TEST(Outlier, TheCapIsTheRankOfTheNeighboursOrTheLowerEnd)
 {
     const TestImage image = fireflies();
     const TestImage low = make_image(window, rgb, [&](int c, int x, int y) {
-        return image.view().at(c, x, y) * (x % 3 == 0 ? 0.9f : -0.5f);
+        return image.view().at(c, x, y) * (x % 3 == c ? 0.9f : -0.5f);
     });
     const TestImage variance = make_image(window, rgb, [](int, int, int) { return 2.0f; });
     for (const auto& [radius, share] : {std::pair{3, 0.2}, {1, 0.5}, {2, 1e-6}, {9, 1.0}})
