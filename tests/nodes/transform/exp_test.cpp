@@ -45,6 +45,25 @@ TEST(Exp, UndoesTheLogarithm)
     }
 }
 
+TEST(Exp, WhatFallsBelowBlackIsBlack)
+{
+    // Filtered logarithms may end below ln ε, that of black.
+    const auto image = image_of({0, 0, 9, 5}, {"R", "G"}, [](int c, int x, int y) {
+        return 0.25f * static_cast<float>(x * y + c);
+    });
+    const MemoryImage out =
+        run_text(graph_of("  log: {op: transform.log, image: image}\n"
+                          "  less: {op: oiio.add, image: log.log, value: [-3]}\n"
+                          "  back: {op: transform.exp, image: less, figures: log.figures}\n",
+                          "back"),
+                 {{"image", image}});
+    EXPECT_EQ(out.pixels.view().at(0, 0, 0), 0.0f);
+    EXPECT_GT(out.pixels.view().at(0, 8, 4), 0.0f);
+    for (int y = 0; y < 5; ++y)
+        for (int c = 0; c < 2; ++c)
+            for (const float v : out.pixels.view().row_span(c, y)) EXPECT_GE(v, 0.0f);
+}
+
 TEST(Exp, AxesMustAgree)
 {
     const auto image = image_of({0, 0, 5, 5}, {"R", "G", "B"}, [](int, int, int) { return 1.0f; });
