@@ -98,33 +98,52 @@ NodeRun balance(const TestImage& image, const TestImage& reference, const TestIm
                     {{"image", {&image}}, {"reference", {&reference}}, {"weight", {&weight}}});
 }
 
+/// f + f / K(w f) · K(w (n − f) / K(w f / K(w f))), before it is kept from going below zero.
+Raster<double> plain_balance(const TestImage& image, const TestImage& reference,
+                             const TestImage& weight, int scale)
+{
+    const Raster<double> f = to_raster(image), n = to_raster(reference), w = to_raster(weight);
+    const auto each = [&](const auto& value) {
+        Raster<double> out = f;
+        for (std::size_t i = 0; i < out.values.size(); ++i) out.values[i] = value(i);
+        return out;
+    };
+    const Raster<double> wf = each([&](auto i) { return w.values[i] * f.values[i]; });
+    const Raster<double> mean = spread(wf, scale);
+    const Raster<double> shares =
+        spread(each([&](auto i) { return wf.values[i] / mean.values[i]; }), scale);
+    const Raster<double> handed = spread(
+        each([&](auto i) { return w.values[i] * (n.values[i] - f.values[i]) / shares.values[i]; }),
+        scale);
+    return each(
+        [&](auto i) { return f.values[i] + f.values[i] / mean.values[i] * handed.values[i]; });
+}
+
 TEST(RestoreMean, BalanceFollowsItsDefinition)
 {
     for (const Region& window : {Region{-4, 2, 27, 21}, Region{0, 0, 1, 13}, Region{3, 3, 4, 4}}) {
         const TestImage image = positive(window, 1), reference = positive(window, 2),
                         weight = positive(window, 3);
-        const NodeRun run = balance(image, reference, weight, 3);
-        const Raster<double> f = to_raster(image), n = to_raster(reference), w = to_raster(weight);
-        const auto each = [&](const auto& value) {
-            Raster<double> out = f;
-            for (std::size_t i = 0; i < out.values.size(); ++i) out.values[i] = value(i);
-            return out;
-        };
-        const Raster<double> wf = each([&](auto i) { return w.values[i] * f.values[i]; });
-        const Raster<double> mean = spread(wf, 3);
-        const Raster<double> shares =
-            spread(each([&](auto i) { return wf.values[i] / mean.values[i]; }), 3);
-        const Raster<double> handed =
-            spread(each([&](auto i) {
-                       return w.values[i] * (n.values[i] - f.values[i]) / shares.values[i];
-                   }),
-                   3);
-        expect_close(run.image(), each([&](auto i) {
-                         return std::max(0.0, f.values[i] +
-                                                  f.values[i] / mean.values[i] * handed.values[i]);
-                     }),
-                     2e-5);
+        Raster<double> expected = plain_balance(image, reference, weight, 3);
+        for (double& v : expected.values) v = std::max(v, 0.0);
+        expect_close(balance(image, reference, weight, 3).image(), expected, 2e-5);
     }
+}
+
+TEST(RestoreMean, BalanceNeverTakesMoreThanThereIs)
+{
+    // A filtered image that is much too bright has light to give back, in places more than it has.
+    const Region window{-4, 2, 27, 21};
+    const TestImage image = positive(window, 1), weight = positive(window, 3);
+    const TestImage dark = make_image(window, {"R"}, [](int, int, int) { return 0.0f; });
+    Raster<double> expected = plain_balance(image, dark, weight, 3);
+    EXPECT_GT(std::ranges::count_if(expected.values, [](double v) { return v < -0.01; }), 5);
+    const NodeRun run = balance(image, dark, weight, 3);
+    for (int y = window.y0; y < window.y1; ++y)
+        for (int x = window.x0; x < window.x1; ++x) {
+            const double plain = expected.at(0, x - window.x0, y - window.y0);
+            ASSERT_NEAR(run.image().view().at(0, x, y), std::max(plain, 0.0), 1e-4);
+        }
 }
 
 TEST(RestoreMean, BalanceKeepsTheWeightedSum)
@@ -209,6 +228,8 @@ TEST(RestoreMean, WhereTheFilteredImageIsBlackTheReferenceStays)
     const TestImage black = make_image(window, {"R"}, [](int, int, int) { return 0.0f; });
     const TestImage reference = positive(window, 5);
     EXPECT_EQ(differing_floats(restore(black, reference, 2).image(), reference), 0u);
+    const TestImage all = make_image(window, {"R"}, [](int, int, int) { return 1.0f; });
+    EXPECT_EQ(differing_floats(balance(black, reference, all, 2).image(), reference), 0u);
 }
 
 TEST(RestoreMean, ChannelsMustAgree)
