@@ -92,6 +92,9 @@ TEST(Quantiles, WelchDegreesLieBetweenTheSmallerAndTheSum)
 {
     EXPECT_NEAR(welch_degrees(1, 16, 1, 16), 30.0, 1e-12); // equal: both sets together
     EXPECT_NEAR(welch_degrees(1, 16, 0, 4), 15.0, 1e-12);  // one is exact: the other alone
+    EXPECT_NEAR(welch_degrees(0, 16, 1, 4), 3.0, 1e-12);
+    // (3 + 1)² / (3²/9 + 1²/4) = 12.8.
+    EXPECT_NEAR(welch_degrees(3, 10, 1, 5), 12.8, 1e-12);
     EXPECT_EQ(welch_degrees(0, 16, 0, 4), 3.0);
 }
 

@@ -62,6 +62,10 @@ TEST(FlashIntensity, GivesTheFlashImageTheBrightnessOfTheInput)
     const RunReport report = run({{"image", image}, {"partial", partial}, {"unit", unit}});
     const double k = report.tables.at("figures").front().number("intensity");
     EXPECT_NEAR(k, 0.6 * luminance(*image) / luminance(*unit), 1e-6 * k);
+    const Table& figures = report.tables.at("figures").front();
+    EXPECT_NEAR(figures.number("image_luminance"), luminance(*image), 1e-12);
+    EXPECT_NEAR(figures.number("partial_luminance"), luminance(*partial), 1e-12);
+    EXPECT_NEAR(figures.number("flash_unit_luminance"), luminance(*unit), 1e-12);
     const MemoryImage& flash = report.images.at("image").front();
     EXPECT_NEAR(luminance(flash), luminance(*image), 1e-5 * luminance(*image));
     EXPECT_EQ(flash.pixels.view().at(1, 5, 7),
