@@ -111,6 +111,13 @@ elseif(STEP STREQUAL throwing_plugin)
       endif()
     endforeach()
   endforeach()
+  # While it is described, which is while its library is loaded: an error that names the library.
+  file(REMOVE_RECURSE ${WORK}/undescribed)
+  file(COPY ${WORK}/throwing_plugin/libundescribed.so DESTINATION ${WORK}/undescribed)
+  set(ENV{RAYLOOM_PLUGINS} ${WORK}/undescribed)
+  run(COMMAND ${prefix}/bin/rayloom nodes ERRORS err EXIT 3)
+  expect("${err}" "plug-in '${WORK}/undescribed/libundescribed.so'")
+  expect("${err}" "cannot be described: no description today")
 
 elseif(STEP STREQUAL command)
   set(ENV{RAYLOOM_PLUGINS} ${WORK}/plugins)

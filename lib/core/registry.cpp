@@ -44,7 +44,18 @@ void Registry::add(NodeInfo info)
     const std::string clash =
         "node '" + name + "' is declared twice (" + it->second.origin + " and " + m_origin + ")";
     if (!m_loading) throw Error(clash);
-    m_clash = clash;
+    m_refusal = clash;
+}
+
+void Registry::add(NodeInfo (*describe)())
+try {
+    add(describe());
+} catch (const std::exception& e) {
+    if (!m_loading) throw;
+    m_refusal = std::string("a node cannot be described: ") + e.what();
+} catch (...) {
+    if (!m_loading) throw;
+    m_refusal = "a node cannot be described: it throws what is no exception";
 }
 
 const NodeInfo* Registry::find(std::string_view name) const
@@ -89,13 +100,14 @@ void Registry::load_plugins(const std::string& folders)
         for (const fs::path& file : files) {
             m_origin = file.string();
             m_loading = true;
-            m_clash.clear();
+            m_refusal.clear();
             // Runs the plug-in's static initialisers, which call add().
             void* handle = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
             m_loading = false;
             m_origin = "built in";
             if (!handle) throw InputError("plug-in '" + file.string() + "': " + dlerror());
-            if (!m_clash.empty()) throw InputError("plug-in '" + file.string() + "': " + m_clash);
+            if (!m_refusal.empty())
+                throw InputError("plug-in '" + file.string() + "': " + m_refusal);
         }
     }
 }

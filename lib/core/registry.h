@@ -271,6 +271,9 @@ public:
     /// Throws Error when the name is taken; within load_plugins() that error is kept until the
     /// plug-in's static initialisers are done, as nothing may be thrown through them.
     void add(NodeInfo info);
+    /// The same for what `describe` returns; whatever that throws is treated as a name that is
+    /// taken.
+    void add(NodeInfo (*describe)());
     const NodeInfo* find(std::string_view name) const;
     /// Sorted by name.
     std::vector<const NodeInfo*> all() const;
@@ -284,7 +287,7 @@ private:
     std::map<std::string, NodeInfo, std::less<>> m_nodes;
     std::string m_origin = "built in";
     bool m_loading = false;
-    std::string m_clash; ///< what add() has to say against the plug-in being loaded
+    std::string m_refusal; ///< what add() has to say against the plug-in being loaded
 };
 
 /// NodeInfo of a node class; registering it is up to the caller (tests of the contract use this).
@@ -308,7 +311,7 @@ NodeInfo node_info()
     namespace                                                                                      \
     {                                                                                              \
     [[maybe_unused]] const bool registered_##NodeClass =                                           \
-        (::rayloom::Registry::instance().add(::rayloom::node_info<NodeClass>()), true);            \
+        (::rayloom::Registry::instance().add(&::rayloom::node_info<NodeClass>), true);             \
     }                                                                                              \
     static_assert(true, "asks for a semicolon")
 

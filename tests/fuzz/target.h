@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// \file
 /// What every fuzz target shares. A target is a file with LLVMFuzzerTestOneInput(); libFuzzer calls
-/// it in the `fuzz` preset, replay_main.cpp everywhere else.
+/// it in the preset `asan-ubsan`, replay_main.cpp everywhere else.
 #pragma once
 
 #include "rayloom/core/error.h"
