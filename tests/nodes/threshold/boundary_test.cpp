@@ -44,6 +44,28 @@ TEST(Boundary, PartsBesideTheirBorder)
               (std::vector<int>{5, 6, 7, 8, 9, 10}));
 }
 
+TEST(Boundary, TilesThatBeginAtABorderSeeIt)
+{
+    // Squares, so that tiles of any size begin at a border along x, along y or both.
+    const TestImage parts = make_image(window, {"id0", "coverage0"}, [](int c, int x, int y) {
+        return c == 1 ? 1.0f : static_cast<float>((x + 40) / 4 * 100 + (y + 40) / 4);
+    });
+    const std::vector<test::NodeInput> inputs{{"image", {&blank()}}, {"parts", {&parts}}};
+    const NodeRun whole = run_node("threshold.boundary", {}, inputs);
+    for (int y = window.y0 + 1; y < window.y1 - 1; ++y)
+        for (int x = window.x0 + 1; x < window.x1 - 1; ++x) {
+            const auto beside = [](int v) { return (v + 40) % 4 == 0 || (v + 40) % 4 == 3; };
+            ASSERT_EQ(whole.image("boundary").view().at(0, x, y),
+                      beside(x) || beside(y) ? 1.0f : 0.0f);
+        }
+    for (const int size : {1, 3, 4, 5}) {
+        test::RunOptions tiles;
+        tiles.tile_width = tiles.tile_height = size;
+        const NodeRun cut = run_node("threshold.boundary", {}, inputs, tiles);
+        EXPECT_EQ(differing_floats(cut.image("boundary"), whole.image("boundary")), 0u) << size;
+    }
+}
+
 TEST(Boundary, LeapOfDepthButNoSlope)
 {
     const TestImage depth = make_image(window, {"Z"}, [](int, int x, int) {
