@@ -4,7 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <random>
+#include <vector>
 
 namespace rayloom::test
 {
@@ -59,6 +62,49 @@ TEST(BandFit, HistogramIsADensity)
     EXPECT_NEAR(
         measure(band, ", bins: 41, reach: 4").tables.at("table").front().number("fitting_error"),
         std::sqrt(error), 1e-12);
+}
+
+TEST(BandFit, CountsEachChannelBinByBin)
+{
+    // Skewed, of unlike widths, and with values beyond a short reach, which count as values all the
+    // same.
+    std::mt19937 random(5);
+    std::exponential_distribution<float> skewed(1.0f);
+    const auto band = image_of({0, 0, 90, 80}, {"high.R", "high.G"}, [&](int c, int, int) {
+        return static_cast<float>(1 + 4 * c) * (skewed(random) - 0.4f);
+    });
+    const RunReport report = measure(band, ", bins: 9, reach: 1.5");
+    const Table rows = report.tables.at("histogram").front();
+    ASSERT_EQ(rows.rows.size(), 18u);
+    for (std::size_t c = 0; c < 2; ++c) {
+        double squares = 0.0;
+        std::vector<double> all;
+        for (int y = 0; y < 80; ++y)
+            for (const float v : band->pixels.view().row_span(static_cast<int>(c), y)) {
+                all.push_back(v);
+                squares += static_cast<double>(v) * v;
+            }
+        const double half = 1.5 * std::sqrt(squares / static_cast<double>(all.size()));
+        const Table figures = report.tables.at("table").front();
+        const GeneralisedLaplacian density{figures.number("s", c), figures.number("p", c)};
+        double error = 0.0;
+        for (std::size_t b = 0; b < 9; ++b) {
+            const double width = 2.0 * half / 9.0, low = -half + static_cast<double>(b) * width;
+            const auto inside =
+                std::ranges::count_if(all, [&](double v) { return v >= low && v < low + width; });
+            const double observed =
+                static_cast<double>(inside) / static_cast<double>(all.size()) / width;
+            // The density, by the midpoint rule.
+            double fitted = 0.0;
+            for (int i = 0; i < 1000; ++i)
+                fitted += std::exp(density.log_density(low + (i + 0.5) / 1000.0 * width)) / 1000.0;
+            EXPECT_NEAR(rows.number("observed", 9 * c + b), observed, 1e-9) << b;
+            EXPECT_NEAR(rows.number("fitted", 9 * c + b), fitted, 1e-3 * fitted) << b;
+            EXPECT_NEAR(rows.number("x", 9 * c + b), low + 0.5 * width, 1e-9) << b;
+            error += std::pow(observed / fitted - 1.0, 2.0) / 9.0;
+        }
+        EXPECT_NEAR(figures.number("fitting_error", c), std::sqrt(error), 1e-3);
+    }
 }
 
 TEST(BandFit, AConstantBandHasNothingToMeasure)

@@ -45,6 +45,36 @@ TEST(MergeLobes, UnfilteredTheRenderComesBack)
     }
 }
 
+TEST(MergeLobes, LightWhereBothLayersWereBlackGoesToTheFirst)
+{
+    const auto render = made_up_render({}, 4);
+    const auto channel = [&](const std::string& name) {
+        const int c = render->desc.channel("ViewLayer." + name);
+        EXPECT_GE(c, 0) << name;
+        return c;
+    };
+    const int direct = channel("DiffDir.G"), indirect = channel("DiffInd.G"),
+              pivot = channel("DiffCol.G");
+    for (int y = 0; y < 18; ++y)
+        for (int x = 0; x < 6; ++x)
+            for (const int c : {direct, indirect}) render->pixels.view().at(c, x, y) = 0.0f;
+    std::string text = graph("false", "false", "brighter");
+    text.insert(text.find("  merged:"),
+                "  brighter: {op: oiio.add, image: lobes.radiance, value: [0.5]}\n");
+    const MemoryImage merged = run_text(text, {{"render", render}});
+    for (int y = 0; y < 18; ++y)
+        for (int x = 0; x < 24; ++x) {
+            const auto at = [&](const MemoryImage& image, int c) {
+                return static_cast<double>(image.pixels.view().at(c, x, y));
+            };
+            const double p = at(*render, pivot);
+            if (p <= 0.0) continue;
+            const double light = at(*render, direct) + at(*render, indirect) + 0.5 / p;
+            ASSERT_NEAR(at(merged, direct) + at(merged, indirect), light, 1e-5 * light);
+            ASSERT_EQ(at(merged, indirect) == 0.0, x < 6);
+        }
+}
+
 TEST(MergeLobes, RefusesAnotherSplit)
 {
     EXPECT_THROW(

@@ -35,6 +35,21 @@ TEST(Modulate, TakesDemodulateBack)
     EXPECT_EQ(back.image().view().at(0, 0, 9), image.view().at(0, 0, 9));
 }
 
+TEST(Modulate, WithoutMarksEveryColourIsMultiplied)
+{
+    const TestImage image = random_image(window, {"R", "G", "B", "A"}, 1),
+                    pivot = random_image(window, {"R", "G", "B"}, 2);
+    const NodeRun run =
+        run_node("transform.modulate", {}, {{"image", {&image}}, {"pivot", {&pivot}}});
+    for (int y = window.y0; y < window.y1; ++y)
+        for (int x = window.x0; x < window.x1; ++x) {
+            for (int c = 0; c < 3; ++c)
+                ASSERT_EQ(run.image().view().at(c, x, y),
+                          image.view().at(c, x, y) * pivot.view().at(c, x, y));
+            ASSERT_EQ(run.image().view().at(3, x, y), image.view().at(3, x, y));
+        }
+}
+
 TEST(Modulate, KeepsTheOriginalWhereMarked)
 {
     const TestImage filtered = random_image(window, {"R", "G", "B"}, 1),
