@@ -324,6 +324,40 @@ TEST(ImageReader, DeepRows)
     }
 }
 
+// OpenEXR would ask for memory for whole tiles, several of them, when the file is opened.
+TEST(ImageReader, TilesFarLargerThanThePictureAreRefused)
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("tiled.exr");
+    const OIIO::TypeDesc type = OIIO::TypeFloat;
+    Part part{"tiled", {{"R", type}, {"G", type}, {"B", type}, {"A", type}}};
+    part.compression = "none";
+    const auto open_tiled = [&](int width, int height, int side) {
+        part.width = width;
+        part.height = height;
+        part.tile_width = part.tile_height = side;
+        Part first{"first", {{"R"}}, 0, 0, width, height};
+        first.tile_width = first.tile_height = 64;
+        std::string messages;
+        for (const auto& parts : {std::vector{part}, std::vector{first, part}}) {
+            write_exr(path, parts);
+            messages += message_of([&] {
+                const auto file = ImageFile::open(path);
+                const ImageReader reader(file, find(*file, "", "any", "tiled"));
+                ImageBuffer pixels(reader.desc().data, 4);
+                reader.read(pixels.view());
+            });
+        }
+        return messages;
+    };
+    for (const int side : {64, 2048}) EXPECT_EQ(open_tiled(20, 37, side), "") << side;
+    EXPECT_EQ(open_tiled(1030, 1030, 2050), ""); // not four times the picture
+    const std::string refused = open_tiled(20, 37, 2050),
+                      why = "tiles of 2050x2050 pixels for an image of 20x37";
+    EXPECT_TRUE(contains(refused, why)) << refused;
+    EXPECT_NE(refused.find(why), refused.rfind(why)) << refused; // one part or several
+}
+
 TEST(ImageReader, ContentKeyFollowsTheBytes)
 {
     const TemporaryFolder folder;
