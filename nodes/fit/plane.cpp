@@ -32,7 +32,7 @@ public:
     static void describe(Declaration<Params>& d)
     {
         d.name("fit.plane")
-            .version(3)
+            .version(4)
             .summary("Fits planes to the square around each pixel and to its four quadrants, as "
                      "large as the noise asks for.")
             .doc(
@@ -50,12 +50,11 @@ public:
                 "Large squares overlap, so that few of them are needed: beyond a half-size of "
                 "`dense` only centres whose x and y are multiples of `stride` grow on. A centre in "
                 "between that would is left to them, and its radius is 0, if one of the nearest of "
-                "them gives its neighbours at least half of what it would (by the guides); if "
-                "none does it grows on as well. Of centres on a boundary none does: their planes "
-                "count for nobody else. The lattice begins at pixel 0: of a mirrored image other "
-                "centres grow.\n\n"
-                "All colours share the weights, which come from their mean. Pixels on a boundary, "
-                "marked ones, pixels that are not finite, and those with more than `max_noise` "
+                "them gives its neighbours at least half of what it would (by the guides, and a "
+                "hundredth of itself on a boundary); if none does it grows on as well. The lattice "
+                "begins at pixel 0: of a mirrored image other centres grow.\n\n"
+                "All colours share the weights, which come from their mean. Marked "
+                "pixels, those that are not finite, and those with more than `max_noise` "
                 "are left out; where fewer than three well-spread pixels are left the plane is "
                 "level, at their weighted mean. A quadrant includes the axes and the centre.\n\n"
                 "The coefficient image holds: radius, relative noise, then for the square and the "

@@ -25,17 +25,18 @@ public:
     static void describe(Declaration<Params>& d)
     {
         d.name("fuse.planes")
-            .version(4)
+            .version(5)
             .summary("Averages, at each pixel, the planes of all squares that cover it.")
-            .doc("ζ(p) = Σ w·z̄ / Σ w over the centres q whose square covers p. z̄ blends the plane "
-                 "Z of the square with that of the quadrant p lies in, (Z + w_m·Z_m) / (1 + w_m); "
-                 "on an axis both quadrants count half, at the centre all four a quarter. w is "
-                 "min(Z/Z_m, Z_m/Z)⁸ (0 unless both are positive) times the guides: n·n′ to the "
-                 "fourth power, 0 beyond 60°; 0 for centres on a boundary; the share of objects "
-                 "both pixels see; and the root of the centre's `pivot`. A pixel nobody else "
-                 "covers gets its own plane: so do those that fit.plane left to their neighbours "
-                 "(radius 0), whose plane counts 1/1000. The "
-                 "result is not negative; alpha and other channels of `image` pass through.")
+            .doc(
+                "ζ(p) = Σ w·z̄ / Σ w over the centres q whose square covers p. z̄ blends the plane "
+                "Z of the square with that of the quadrant p lies in, (Z + w_m·Z_m) / (1 + w_m); "
+                "on an axis both quadrants count half, at the centre all four a quarter. w is "
+                "min(Z/Z_m, Z_m/Z)⁸ (0 unless both are positive) times the guides: n·n′ to the "
+                "fourth power, 0 beyond 60°; 1/100 for centres on a boundary; the share of objects "
+                "both pixels see; and the root of the centre's `pivot`. A pixel nobody else "
+                "covers gets its own plane: so do those that fit.plane left to their neighbours "
+                "(radius 0), whose plane counts 1/1000. The "
+                "result is not negative; alpha and other channels of `image` pass through.")
             .source("003_fb3ee135f07a6099.txt, section 4.4, equations 11 to 13")
             .accuracy("Float against the double oracle: 2e-4 of the value.")
             .example("rayloom: 1\n"

@@ -433,7 +433,7 @@ private:
 };
 
 /// The centres that grow beyond settings.dense: those of the lattice, and those no neighbour on it
-/// can stand in for; none on a boundary, whose planes are for nobody else.
+/// can stand in for; none that counts for nothing.
 M GoOn(const FitJob& job, const float* own)
 {
     const D d;

@@ -33,7 +33,7 @@ struct LightRow {
 /// One row of σ: sums over the rows around, each with near_radius more columns on both sides.
 struct SourceRow {
     const float *light = nullptr, *noise = nullptr, *count = nullptr, *use = nullptr;
-    const float* source = nullptr;
+    const float* source = nullptr; ///< weight without σ
     float* weight = nullptr;
     float max_noise = 0.0f;
     int n = 0;
@@ -231,8 +231,8 @@ PlaneScene make_plane_scene(const PlaneSettings& settings, const Region& part, c
             std::fill_n(source, known.width(), 1.0f);
         } else {
             const float* const edge = guides.boundary.ptr(0, known.x0, y);
-            for (int x = 0; x < known.width(); ++x)
-                source[x] = edge[x] == edge[x] ? 1.0f - std::clamp(edge[x], 0.0f, 1.0f) : 0.0f;
+            for (int x = 0; x < known.width(); ++x) // NaN counts as a boundary
+                source[x] = std::max(plane_boundary_weight, std::min(1.0f - edge[x], 1.0f));
         }
         if (!guides.pivot.empty())
             weight_by_pivot(guides.pivot, known.x0, y, source, known.width());
@@ -293,6 +293,10 @@ void add_plane_light(PlaneScene& s, const PlaneSettings& settings, const Region&
     SourceRow source;
     source.max_noise = settings.max_noise;
     source.n = known.width();
+    // Pixels on boundaries count as others do: guides tell both sides apart, and what is thin has
+    // no other pixels.
+    std::vector<float> own(static_cast<std::size_t>(source.n + plane_tail), 1.0f);
+    source.source = own.data();
     for (int y = known.y0; y < known.y1; ++y) {
         for (int c = 0; c < s.colours; ++c)
             std::copy_n(near.ptr(3 + c, known.x0, y), known.width(), to.ptr(s.z + c, known.x0, y));
@@ -312,7 +316,10 @@ void add_plane_light(PlaneScene& s, const PlaneSettings& settings, const Region&
         source.noise = sums.view().row(1, 0);
         source.count = sums.view().row(2, 0);
         source.use = near.ptr(2, known.x0, y);
-        source.source = to.ptr(s.source, known.x0, y);
+        if (!guides.pivot.empty()) {
+            std::fill(own.begin(), own.end(), 1.0f);
+            weight_by_pivot(guides.pivot, known.x0, y, own.data(), known.width());
+        }
         source.weight = to.ptr(s.weight, known.x0, y);
         HWY_DYNAMIC_DISPATCH(MakeSourceRow)(source);
         std::fill_n(to.ptr(s.weight, known.x1, y), to.region().x1 - known.x1, 0.0f);

@@ -16,6 +16,8 @@ namespace rayloom
 constexpr int plane_tail = 64;
 /// A pixel that lies on a boundary still has itself.
 constexpr float plane_own_weight = 1e-3f;
+/// Of a centre on a boundary: little beside others, but where there are no others it is all.
+constexpr float plane_boundary_weight = 0.01f;
 
 /// A pixel's planes are left out where a neighbour on the lattice gives others this share of what
 /// the pixel would give them.
@@ -49,11 +51,12 @@ struct PlaneScene {
     int part_pairs = 0;
 };
 
-/// Guides over `part` grown by settings.max_radius, columns in their order: `source` is 1 away from
-/// boundaries. With `colours` there is room for what add_plane_light() adds.
+/// Guides over `part` grown by settings.max_radius, columns in their order: `source` is what a
+/// centre's planes count, 1 away from boundaries. With `colours` there is room for what
+/// add_plane_light() adds.
 PlaneScene make_plane_scene(const PlaneSettings& settings, const Region& part, const Region& data,
                             const PlaneGuides& guides, int colours);
-/// Adds z, its mean over the colours and its variance, and `source` times e^−σ as `weight`.
+/// Adds z, its mean over the colours and its variance, and the pivot's root times e^−σ as `weight`.
 void add_plane_light(PlaneScene& scene, const PlaneSettings& settings, const Region& data,
                      const PlaneGuides& guides);
 /// Puts the columns where scene.columns says.

@@ -12,7 +12,7 @@ namespace rayloom::oracle
 namespace
 {
 
-constexpr double own_weight = 1e-3;
+constexpr double own_weight = 1e-3, boundary_weight = 0.01;
 
 /// The next size that is tried; a last one that would be little larger is the largest itself.
 int next_radius(const PlaneOptions& o, int r)
@@ -37,16 +37,20 @@ double variance_of(const Raster<double>& v, int x, int y)
     return std::pow(sum / v.channels, 2);
 }
 
-/// 1 away from boundaries, times the root of the pivot's brightest colour.
-double source_of(const PlaneInput& in, int x, int y)
+/// The root of the pivot's brightest colour.
+double pivot_weight(const PlaneInput& in, int x, int y)
 {
-    double weight = in.boundary ? 1.0 - in.boundary->at(0, x, y) : 1.0;
-    if (in.pivot) {
-        double most = 0.0;
-        for (int c = 0; c < in.pivot->channels; ++c) most = std::max(most, in.pivot->at(c, x, y));
-        weight *= std::sqrt(std::min(most, 1.0));
-    }
-    return weight;
+    if (!in.pivot) return 1.0;
+    double most = 0.0;
+    for (int c = 0; c < in.pivot->channels; ++c) most = std::max(most, in.pivot->at(c, x, y));
+    return std::sqrt(std::min(most, 1.0));
+}
+
+/// Of a centre's planes: that of its pivot, and little on boundaries.
+double centre_weight(const PlaneInput& in, int x, int y)
+{
+    const double open = in.boundary ? 1.0 - in.boundary->at(0, x, y) : 1.0;
+    return std::max(open, boundary_weight) * pivot_weight(in, x, y);
 }
 
 /// e^−σ, 0 for pixels that are left out.
@@ -63,7 +67,7 @@ double source_weight(const PlaneInput& in, const PlaneOptions& o, int x, int y)
     const double sigma =
         variance > 0.0 && light > 0.0 ? std::sqrt(variance / n) / (light / n) : 0.0;
     if (sigma > o.max_noise) return 0.0;
-    return source_of(in, x, y) * std::exp(-sigma);
+    return pivot_weight(in, x, y) * std::exp(-sigma);
 }
 
 struct Sample {
@@ -143,13 +147,14 @@ bool grows_on(const PlaneInput& in, const PlaneOptions& o, int x, int y)
         return (u + in.x0) % o.stride == 0 && (v + in.y0) % o.stride == 0;
     };
     if (o.stride == 1) return true;
-    if (source_of(in, x, y) <= 0.0) return false;
+    if (centre_weight(in, x, y) <= 0.0) return false;
     if (on_lattice(x, y)) return true;
     for (int v = y - o.stride + 1; v < y + o.stride; ++v)
         for (int u = x - o.stride + 1; u < x + o.stride; ++u) {
             if (u < 0 || v < 0 || u >= in.z.width || v >= in.z.height || !on_lattice(u, v))
                 continue;
-            if (guide_weight(in, x, y, u, v) * source_of(in, u, v) >= 0.5 * source_of(in, x, y))
+            if (guide_weight(in, x, y, u, v) * centre_weight(in, u, v) >=
+                0.5 * centre_weight(in, x, y))
                 return false;
         }
     return true;
@@ -237,7 +242,7 @@ Raster<double> fuse_all(const PlaneInput& in, const PlaneOptions& o,
     for (int cy = 0; cy < height; ++cy)
         for (int cx = 0; cx < width; ++cx) {
             const CentrePlanes& k = centres[static_cast<std::size_t>(cy * width + cx)];
-            const double source = source_of(in, cx, cy);
+            const double source = centre_weight(in, cx, cy);
             for (int dy = -k.radius; dy <= k.radius; ++dy)
                 for (int dx = -k.radius; dx <= k.radius; ++dx) {
                     const int x = cx + dx, y = cy + dy;

@@ -37,7 +37,7 @@ struct CentrePlanes {
 };
 
 /// Whether a centre may grow beyond options.dense: it lies on the lattice, or none of the (up to
-/// four) nearest on it gives others half of what it would. Never one on a boundary.
+/// four) nearest on it gives others half of what it would.
 bool grows_on(const PlaneInput& in, const PlaneOptions& options, int x, int y);
 /// w_n · w_part of two pixels.
 double guide_weight(const PlaneInput& in, int x, int y, int u, int v);

@@ -139,19 +139,24 @@ TEST(FitPlane, OnlyTheLatticeGrowsOn)
                 ASSERT_EQ(radius(run, x, y), x % stride == 0 && y % stride == 0 ? 9.0f : 0.0f)
                     << stride << ": " << x << " " << y;
     }
-    // A column of its own that the lattice passes by, and one beside it that does not count.
+    // A column of its own that the lattice passes by.
     p["stride"] = std::int64_t{2};
     scene.parts = test::make_image({-7, 2, 38, 40}, {"id0", "coverage0"}, [](int c, int x, int) {
         return c == 1 ? 1.0f : x == 13 ? 5.0f : 4.0f;
     });
-    scene.boundary = test::make_image({-7, 2, 38, 40}, {"boundary"},
-                                      [](int, int x, int) { return x == 12 ? 1.0f : 0.0f; });
-    const NodeRun run = run_node("fit.plane", p, scene.inputs());
-    for (int y = 4; y < 38; ++y) {
-        EXPECT_EQ(radius(run, 13, y), 9.0f);
-        EXPECT_EQ(radius(run, 12, y), 0.0f);
-        EXPECT_EQ(radius(run, 11, y), 0.0f);
-    }
+    const NodeRun alone = run_node("fit.plane", p, scene.inputs());
+    // One whose neighbours on the lattice count next to nothing.
+    scene.parts.reset();
+    scene.boundary = test::make_image({-7, 2, 38, 40}, {"boundary"}, [](int, int x, int) {
+        return x == 12 || x == 14 ? 1.0f : 0.0f;
+    });
+    const NodeRun beside = run_node("fit.plane", p, scene.inputs());
+    for (int y = 4; y < 38; ++y)
+        for (const NodeRun* run : {&alone, &beside}) {
+            EXPECT_EQ(radius(*run, 13, y), 9.0f);
+            EXPECT_EQ(radius(*run, 12, y), y % 2 == 0 ? 9.0f : 0.0f);
+            EXPECT_EQ(radius(*run, 11, y), 0.0f);
+        }
 }
 
 TEST(FitPlane, SizesGrowByAShareOfThemselves)

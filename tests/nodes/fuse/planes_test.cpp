@@ -171,6 +171,51 @@ TEST(FusePlanes, NoiseFalls)
     EXPECT_LT(after, 0.15 * before);
 }
 
+TEST(FusePlanes, ThinObjectsShareTheirLight)
+{
+    // Two pixels wide, so that all of it is boundary; the wall behind it is brighter.
+    const Region data{0, 0, 24, 40};
+    const auto pole = [](int x) { return x == 11 || x == 12; };
+    std::mt19937 random(3);
+    std::normal_distribution<float> normal(0.0f, 0.2f);
+    PlaneScene scene = even_scene(
+        data, 1, [&](int, int x, int) { return (pole(x) ? 1.0f : 5.0f) * (1.0f + normal(random)); },
+        0.04f);
+    scene.parts = test::make_image(data, {"id0", "coverage0"}, [&](int c, int x, int) {
+        return c == 1 ? 1.0f : pole(x) ? 7.0f : 8.0f;
+    });
+    scene.boundary = test::make_image(
+        data, {"boundary"}, [](int, int x, int) { return x >= 10 && x <= 13 ? 1.0f : 0.0f; });
+    const TestImage result = filter_planes(scene, fit_params(7, 0.0), fuse_params(7));
+    double before = 0.0, after = 0.0;
+    for (int y = 0; y < 40; ++y)
+        for (int x = 11; x < 13; ++x) {
+            before += std::pow(scene.image.view().at(0, x, y) - 1.0, 2);
+            after += std::pow(result.view().at(0, x, y) - 1.0, 2);
+        }
+    EXPECT_LT(after, 0.3 * before);
+}
+
+TEST(FusePlanes, PlanesOfABoundaryCountAHundredth)
+{
+    // Level planes: of 3 in one column, of 1 beside it.
+    const Region data{0, 0, 31, 20};
+    const auto line = [](int x) { return x == 15; };
+    PlaneScene scene = even_scene(
+        data, 1, [&](int, int x, int) { return line(x) ? 3.0f : 1.0f; }, 1e-4f);
+    scene.parts = test::make_image(data, {"id0", "coverage0"}, [&](int c, int x, int) {
+        return c == 1 ? 1.0f : line(x) ? 7.0f : 8.0f;
+    });
+    const auto fitted = run_node("fit.plane", fit_params(2, 0.0), scene.inputs());
+    scene.parts.reset();
+    scene.boundary = test::make_image(data, {"boundary"},
+                                      [&](int, int x, int) { return line(x) ? 1.0f : 0.0f; });
+    const auto fused =
+        run_node("fuse.planes", fuse_params(2), scene.inputs(&fitted.image("coefficients")));
+    for (const int x : {13, 14, 15, 16, 17})
+        EXPECT_NEAR(fused.image("image").view().at(0, x, 10), (4.0 + 0.01 * 3.0) / 4.01, 1e-5) << x;
+}
+
 TEST(FusePlanes, EveryPixelAnObjectOfItsOwnKeepsItself)
 {
     PlaneScene scene = noisy_scene({0, 0, 20, 20}, 3, 0.3f, 2);
