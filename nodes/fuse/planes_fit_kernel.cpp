@@ -615,13 +615,10 @@ double fit_planes(const PlaneSettings& settings, const Region& data, const Plane
                 HWY_DYNAMIC_DISPATCH(FitOne)(job);
             else
                 HWY_DYNAMIC_DISPATCH(FitThree)(job);
-            for (int c = 0; c < channels; ++c) {
-                const float* const from =
-                    job.results + c * job.result_stride + job.phase * columns.segment;
-                float* to = out.ptr(c, columns.column(job.phase, job.first), y);
-                for (int i = job.first; i < job.end; ++i, to += columns.stride) *to = from[i];
-            }
         }
+        for (int c = 0; c < channels; ++c)
+            join_row(columns, job.results + c * job.result_stride, part.x0, part.width(),
+                     out.row(c, y));
         for (const float r : out.row_span(0, y)) chosen += static_cast<double>(r);
     }
     return chosen;

@@ -307,37 +307,35 @@ void fuse_planes(const PlaneSettings& settings, const Region& data, ConstImageVi
     job.values = values.data();
     job.largest = blocks.data();
     std::vector<float> sums(static_cast<std::size_t>((1 + colours) * part.height()) * stride, 0.0f);
+    std::vector<float> radii(static_cast<std::size_t>(known.width()));
+    std::vector<float> weights(static_cast<std::size_t>(part.width()));
 
     for (int cy = known.y0; cy < known.y1; ++cy) {
         each_row();
         std::fill(blocks.begin(), blocks.end(), 0);
         job.reaches.fill(0);
         const float* const chosen = coefficients.ptr(0, known.x0, cy);
-        for (int x = 0; x < known.width(); ++x) {
-            const float radius = std::min(chosen[x], static_cast<float>(largest));
-            const auto r = static_cast<int>(radius);
-            const int phase = columns.phase(known.x0 + x);
-            const int place = (known.x0 + x - columns.x0) / columns.stride;
-            planes[static_cast<std::size_t>(columns.at(known.x0 + x))] = radius;
-            int& block = blocks[static_cast<std::size_t>(phase * job.blocks + place / block_width)];
-            block = std::max(block, r);
+        for (std::size_t x = 0; x < radii.size(); ++x)
+            radii[x] = std::min(chosen[x], static_cast<float>(largest));
+        separate_row(columns, radii.data(), known.x0, known.width(), planes.data());
+        for (int phase = 0; phase < columns.stride; ++phase) {
+            const float* const radius = job.planes + phase * columns.segment;
             int& reach = job.reaches[static_cast<std::size_t>(phase)];
-            reach = std::max(reach, r);
+            const int end = columns.first(phase, known.x1);
+            for (int i = columns.first(phase, known.x0); i < end; ++i) {
+                int& block = blocks[static_cast<std::size_t>(phase * job.blocks + i / block_width)];
+                block = std::max(block, static_cast<int>(radius[i]));
+                reach = std::max(reach, block);
+            }
         }
         job.cy = cy;
         job.reach = *std::max_element(job.reaches.begin(), job.reaches.end());
         const int y0 = std::max(part.y0, cy - job.reach);
         const int y1 = std::min(part.y1, cy + job.reach + 1);
         if (y0 >= y1) continue;
-        for (int phase = 0; phase < columns.stride; ++phase) {
-            const int first = columns.first(phase, known.x0), end = columns.first(phase, known.x1);
-            for (int c = 1; c < channels; ++c) {
-                const float* from =
-                    coefficients.ptr(c, known.x0, cy) + (columns.column(phase, first) - known.x0);
-                float* const to = planes.data() + c * job.stride + phase * columns.segment;
-                for (int i = first; i < end; ++i, from += columns.stride) to[i] = *from;
-            }
-        }
+        for (int c = 1; c < channels; ++c)
+            separate_row(columns, coefficients.ptr(c, known.x0, cy), known.x0, known.width(),
+                         planes.data() + c * job.stride);
         for (int y = y0; y < y1; ++y) {
             job.y = y;
             job.sums = sums.data() + (y - part.y0) * (1 + colours) * job.stride;
@@ -349,13 +347,12 @@ void fuse_planes(const PlaneSettings& settings, const Region& data, ConstImageVi
     }
     for (int y = part.y0; y < part.y1; ++y) {
         const float* const weight = sums.data() + (y - part.y0) * (1 + colours) * job.stride;
+        join_row(columns, weight, part.x0, part.width(), weights.data());
         for (int c = 0; c < colours; ++c) {
-            const float* const sum = weight + (1 + c) * job.stride;
             float* const to = out.row(c, y);
-            for (int x = part.x0; x < part.x1; ++x) {
-                const std::ptrdiff_t at = columns.at(x);
-                to[x - part.x0] = std::max(0.0f, sum[at] / weight[at]);
-            }
+            join_row(columns, weight + (1 + c) * job.stride, part.x0, part.width(), to);
+            for (std::size_t x = 0; x < weights.size(); ++x)
+                to[x] = std::max(0.0f, to[x] / weights[x]);
         }
     }
 }

@@ -139,6 +139,61 @@ void MakeSourceRow(const SourceRow& row)
     }
 }
 
+/// Between a row and its columns in the order of PlaneColumns; a whole vector of every remainder at
+/// a time.
+template <int stride, bool separate, class From, class To>
+HWY_INLINE void MoveRow(const PlaneColumns& columns, From row, int x, int n, To apart)
+{
+    const D d;
+    const int lanes = LaneCount();
+    const std::ptrdiff_t segment = columns.segment;
+    const auto move = [&](int i) {
+        const std::ptrdiff_t at = columns.at(x + i);
+        if constexpr (separate)
+            apart[at] = row[i];
+        else
+            row[i] = apart[at];
+    };
+    int i = 0;
+    for (; i < n && columns.phase(x + i) != 0; ++i) move(i);
+    auto at = apart + (x + i - columns.x0) / stride;
+    for (; i + stride * lanes <= n; i += stride * lanes, at += lanes) {
+        V a, b, c;
+        if constexpr (separate && stride == 2) {
+            hn::LoadInterleaved2(d, row + i, a, b);
+            hn::StoreU(a, d, at);
+            hn::StoreU(b, d, at + segment);
+        } else if constexpr (separate) {
+            hn::LoadInterleaved3(d, row + i, a, b, c);
+            hn::StoreU(a, d, at);
+            hn::StoreU(b, d, at + segment);
+            hn::StoreU(c, d, at + 2 * segment);
+        } else if constexpr (stride == 2) {
+            hn::StoreInterleaved2(hn::LoadU(d, at), hn::LoadU(d, at + segment), d, row + i);
+        } else {
+            hn::StoreInterleaved3(hn::LoadU(d, at), hn::LoadU(d, at + segment),
+                                  hn::LoadU(d, at + 2 * segment), d, row + i);
+        }
+    }
+    for (; i < n; ++i) move(i);
+}
+
+void SeparateRow(const PlaneColumns& columns, const float* from, int x, int n, float* to)
+{
+    if (columns.stride == 2)
+        MoveRow<2, true>(columns, from, x, n, to);
+    else
+        MoveRow<3, true>(columns, from, x, n, to);
+}
+
+void JoinRow(const PlaneColumns& columns, const float* from, int x, int n, float* to)
+{
+    if (columns.stride == 2)
+        MoveRow<2, false>(columns, to, x, n, from);
+    else
+        MoveRow<3, false>(columns, to, x, n, from);
+}
+
 } // namespace
 } // namespace HWY_NAMESPACE
 } // namespace rayloom
@@ -147,6 +202,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace rayloom
 {
+HWY_EXPORT(SeparateRow);
+HWY_EXPORT(JoinRow);
 HWY_EXPORT(NormaliseRow);
 HWY_EXPORT(MakeLightRow);
 HWY_EXPORT(MakeSourceRow);
@@ -326,23 +383,37 @@ void add_plane_light(PlaneScene& s, const PlaneSettings& settings, const Region&
     }
 }
 
+void separate_row(const PlaneColumns& columns, const float* from, int x, int n, float* to)
+{
+    static_assert(max_plane_stride == 3);
+    if (columns.stride == 1)
+        std::copy_n(from, n, to + columns.at(x));
+    else
+        HWY_DYNAMIC_DISPATCH(SeparateRow)(columns, from, x, n, to);
+}
+
+void join_row(const PlaneColumns& columns, const float* from, int x, int n, float* to)
+{
+    if (columns.stride == 1)
+        std::copy_n(from + columns.at(x), n, to);
+    else
+        HWY_DYNAMIC_DISPATCH(JoinRow)(columns, from, x, n, to);
+}
+
 void separate_columns(PlaneScene& s)
 {
-    const int stride = s.columns.stride, width = s.area.width();
-    if (stride == 1) return;
+    const int width = s.area.width();
+    if (s.columns.stride == 1) return;
     const ImageView pixels = s.pixels.view();
     std::vector<float> row(static_cast<std::size_t>(width));
     for (int y = s.area.y0; y < s.area.y1; ++y)
         for (int c = 0; c < pixels.channels(); ++c) {
             float* const to = pixels.row(c, y);
             std::copy_n(to, width, row.data());
-            for (int phase = 0; phase < stride; ++phase) {
-                float* next = to + phase * s.columns.segment;
-                float* const end = next + s.columns.segment;
-                for (int x = phase; x < width; x += stride)
-                    *next++ = row[static_cast<std::size_t>(x)];
-                std::fill(next, end, 0.0f);
-            }
+            separate_row(s.columns, row.data(), s.area.x0, width, to);
+            for (int phase = 0; phase < s.columns.stride; ++phase)
+                std::fill(to + phase * s.columns.segment + s.columns.first(phase, s.area.x1),
+                          to + (phase + 1) * s.columns.segment, 0.0f);
         }
 }
 

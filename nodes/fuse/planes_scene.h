@@ -61,6 +61,10 @@ void add_plane_light(PlaneScene& scene, const PlaneSettings& settings, const Reg
                      const PlaneGuides& guides);
 /// Puts the columns where scene.columns says.
 void separate_columns(PlaneScene& scene);
+/// Copies n pixels of a row, the first in column x, to their places in `to`.
+void separate_row(const PlaneColumns& columns, const float* from, int x, int n, float* to);
+/// The other way round: n pixels from their places in `from`.
+void join_row(const PlaneColumns& columns, const float* from, int x, int n, float* to);
 /// For every phase the way from a column to the one dx away, dx from −reach to reach.
 std::vector<std::ptrdiff_t> column_steps(const PlaneColumns& columns, int reach);
 std::size_t plane_scene_bytes(const PlaneSettings& settings, int colours, int part_channels);
