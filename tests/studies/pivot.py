@@ -7,9 +7,14 @@ and ref.exr, as Cycles writes them. Each line: relMSE of the image, without the 
 pixels in brackets; then, without those, of the pixels within 3 of an ID boundary, of all others, their
 ratio, its root (the ratio of the errors themselves), and of the textured ones (colour that changes by more
 than 5 % within 5x5 pixels, away from boundaries); mean brightness over the reference's; the root again with what
-no partial image holds taken as in the reference. SPP in the
+no partial image holds taken as in the reference; the ratio of absolute errors. SPP in the
 environment chooses samples per pixel (16,64); KEEP is a folder that keeps the images. Needs numpy and
 OpenImageIO.
+
+Variants beside those of the graph: noisy; reference, the reference filtered (where there is no noise, what is left is
+bias); exact-light, the reference's light with the render's colours and remainder; nlm-image, virtual-flash and
+ray-histogram-fusion-stack, other methods on the beauty; flat and flat-ids, light of 1 with normal noise of 50 % on
+the scene's objects, without and with ids, where all error is variance; shares, of what the error near boundaries consists.
 """
 import os
 import subprocess
@@ -38,6 +43,16 @@ def residual(*settings):
     return [(KEPT, KEPT.replace("when", ", ".join(settings) + ", when"))]
 
 
+# Of other methods: graph and inputs, SCENE and RENDER in them replaced.
+STACK = "stack=SCENE/stack/s%02d.exr@1-16:Combined"
+FLASH = ["-i", "partial=SCENE/flash_16.exr:partial_d1", "-i", "flash_unit=SCENE/flash_16.exr:flash_unit"]
+PEERS = {
+    "nlm-image": ["-i", "image=RENDER:Combined"],
+    "virtual-flash": ["-i", STACK, *FLASH],
+    "ray-histogram-fusion-stack": ["-i", STACK],
+    "reference": ["-i", "render=SCENE/ref.exr"],
+}
+ALONE = [*PEERS, "exact-light", "flat", "flat-ids", "shares"]
 VARIANTS = {
     "noisy": (None, [], [], []),
     "beauty": (BEAUTY, [], [], []),
@@ -115,6 +130,86 @@ def root_ratio(error, near):
     return (error[near & kept].mean() / error[~near & kept].mean()) ** 0.5
 
 
+def flat(folder, ids, work):
+    """A render of light 1 with noise, and its colour."""
+    source = oiio.ImageBuf(folder + "/noisy_64.exr")
+    names = list(source.spec().channelnames)
+    guides = ["Denoising Normal", "Denoising Depth"] + (["Index", "Crypto"] if ids else [])
+    kept = [i for i, name in enumerate(names) if any(g in name for g in guides)]
+    colour = np.maximum(layer(folder + "/ref.exr", "ViewLayer.DiffCol"), 0.3)
+    light = (1 + 0.5 * np.random.default_rng(1).standard_normal(colour.shape[:2]))[..., None].repeat(3, -1)
+    passes = {"Combined": colour * light, "DiffCol": colour, "DiffDir": light, "DiffInd": 0 * light}
+    pixels = np.concatenate([source.get_pixels(oiio.FLOAT)[..., kept], *passes.values()], -1).astype(np.float32)
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], "float")
+    spec.channelnames = tuple([names[i] for i in kept] + [f"ViewLayer.{p}.{c}" for p in passes for c in "RGB"])
+    for attribute in source.spec().extra_attribs:
+        if attribute.name.startswith("cryptomatte"):
+            spec.attribute(attribute.name, attribute.value)
+    out = oiio.ImageBuf(spec)
+    out.set_pixels(oiio.ROI(), pixels)
+    path = f"{work}/flat_{os.path.basename(folder)}_{ids}.exr"
+    out.write(path)
+    return path, colour
+
+
+def exact_light(render, reference):
+    lit = sum(layer(render, f"ViewLayer.{k}Col") * (layer(reference, f"ViewLayer.{k}Dir") +
+                                                   layer(reference, f"ViewLayer.{k}Ind"))
+              for k in ("Diff", "Gloss", "Trans"))
+    return lit + layer(render, "ViewLayer.Combined") - lobes(render)
+
+
+def shares(folder, images):
+    """Relative errors near boundaries and elsewhere: noise of the reference, what renders of 16 and 64 samples with
+    seeds of their own have in common beyond it, and what each has alone."""
+    near = masks(folder)[0]
+    reference = layer(folder + "/ref.exr", "ViewLayer.Combined")
+    scale = reference**2 + 0.01
+    errors = [image - reference for image in images]
+    squares = [(e * e / scale).mean(-1) for e in errors]
+    common = (errors[0] * errors[1] / scale).mean(-1)
+    noise = (layer(folder + "/ref.exr", "ViewLayer.RefVar") / scale).mean(-1)
+    kept = np.logical_and(*(s <= np.quantile(s, 0.999) for s in squares))
+    text = []
+    for name, mask in (("near", near & kept), ("else", ~near & kept)):
+        both = common[mask].mean()
+        text.append(f"{name}: reference {noise[mask].mean():.4f} common {both - noise[mask].mean():.4f} "
+                    f"16 alone {squares[0][mask].mean() - both:.4f} 64 alone {squares[1][mask].mean() - both:.4f}")
+    return "; ".join(text)
+
+
+def alone(name, scenes, build, samples, work):
+    def run(graph, inputs, out):
+        subprocess.run([build + "/bin/rayloom", "run", graph, *inputs, "-o", "image=" + out, "-q"], check=True,
+                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return layer(out, "")
+
+    for scene in ("cornell", "caustics", "interior", "dof"):
+        folder = scenes + "/" + scene
+        out = f"{os.environ.get('KEEP', work)}/{name}_{scene}"
+        near, textured = masks(folder)
+        reference = layer(folder + "/ref.exr", "ViewLayer.Combined")
+        if name == "shares":
+            print(f"{name:16s} {scene:8s}", shares(folder, [
+                run(LOBES, ["-i", f"render={folder}/noisy_{n}.exr"], f"{out}_{n}.exr") for n in (16, 64)]), flush=True)
+            continue
+        if name.startswith("flat"):
+            render, colour = flat(folder, name == "flat-ids", work)
+            light = run(LOBES, ["-i", "render=" + render], out + ".exr") / colour
+            ratio = root_ratio(((light - 1) ** 2).mean(-1), near)
+            print(f"{name:16s} {scene:8s} root {ratio:.2f}", flush=True)
+            continue
+        for spp in samples if name in ("nlm-image", "exact-light") else samples[:1]:
+            render = f"{folder}/noisy_{spp}.exr"
+            if name == "exact-light":
+                image = exact_light(render, folder + "/ref.exr")
+            else:
+                graph = LOBES if name == "reference" else GRAPHS + name + ".yaml"
+                inputs = [i.replace("SCENE", folder).replace("RENDER", render) for i in PEERS[name]]
+                image = run(graph, inputs, f"{out}_{spp}.exr")
+            print(f"{name:16s} {scene:8s} {spp:2d}", figures(image, reference, near, textured, 0), flush=True)
+
+
 def figures(image, reference, near, textured, rest):
     error = ((image - reference) ** 2 / (reference**2 + 0.01)).mean(-1)
     kept = error <= np.quantile(error, 0.999)
@@ -122,7 +217,8 @@ def figures(image, reference, near, textured, rest):
     return (f"{error.mean():.4f} ({error[kept].mean():.4f}) near {mean[0]:.4f} else {mean[1]:.4f} "
             f"ratio {mean[0] / mean[1]:.2f} root {(mean[0] / mean[1]) ** 0.5:.2f} textured {mean[2]:.4f} "
             f"brightness {image.mean() / reference.mean():.3f} "
-            f"filtered root {root_ratio(((image - reference - rest) ** 2 / (reference**2 + 0.01)).mean(-1), near):.2f}")
+            f"filtered root {root_ratio(((image - reference - rest) ** 2 / (reference**2 + 0.01)).mean(-1), near):.2f} "
+            f"absolute {root_ratio(((image - reference) ** 2).mean(-1), near):.2f}")
 
 
 def changed(file, changes, folder, name):
@@ -141,10 +237,13 @@ def changed(file, changes, folder, name):
 def main():
     scenes = os.path.abspath(sys.argv[1])
     build = os.path.abspath(sys.argv[2] if len(sys.argv) > 2 else "build")
-    wanted = sys.argv[3:] or list(VARIANTS)
+    wanted = sys.argv[3:] or [*VARIANTS, *ALONE]
     samples = [int(n) for n in os.environ.get("SPP", "16,64").split(",")]
     with tempfile.TemporaryDirectory() as work:
         for name in wanted:
+            if name in ALONE:
+                alone(name, scenes, build, samples, work)
+                continue
             graph, changes, planes_changes, params = VARIANTS[name]
             if graph:
                 graph = changed(graph, changes, work, "graph.yaml")
