@@ -11,10 +11,11 @@ no partial image holds taken as in the reference; the ratio of absolute errors. 
 environment chooses samples per pixel (16,64); KEEP is a folder that keeps the images. Needs numpy and
 OpenImageIO.
 
-Variants beside those of the graph: noisy; reference, the reference filtered (where there is no noise, what is left is
-bias); exact-light, the reference's light with the render's colours and remainder; nlm-image, virtual-flash and
-ray-histogram-fusion-stack, other methods on the beauty; flat and flat-ids, light of 1 with normal noise of 50 % on
-the scene's objects, without and with ids, where all error is variance; shares, of what the error near boundaries consists.
+Variants beside those of the graph: noisy; reference, the reference filtered (there is no noise to speak of, what is
+left is bias); with-ids, 16 samples with the ID passes of 64; exact-light, the reference's light with the render's
+colours and remainder; nlm-image, virtual-flash and ray-histogram-fusion-stack, other methods on the beauty; flat and
+flat-ids, light of 1 with normal noise of 50 % on the scene's objects, without and with ids, where all error is
+variance; shares, of what the error near boundaries consists.
 """
 import os
 import subprocess
@@ -52,7 +53,7 @@ PEERS = {
     "ray-histogram-fusion-stack": ["-i", STACK],
     "reference": ["-i", "render=SCENE/ref.exr"],
 }
-ALONE = [*PEERS, "exact-light", "flat", "flat-ids", "shares"]
+ALONE = [*PEERS, "with-ids", "exact-light", "flat", "flat-ids", "shares"]
 VARIANTS = {
     "noisy": (None, [], [], []),
     "beauty": (BEAUTY, [], [], []),
@@ -62,6 +63,7 @@ VARIANTS = {
     **{f"energy-{n}": (LOBES, [], [], ["-p", f"energy={n}"]) for n in (0, 4, 8)},
     "no-fireflies": (LOBES, [], [], ["-p", "fireflies=false"]),
     **{f"stride-{n}": (LOBES, [], planes("fit.plane", f"stride: {n}"), []) for n in (1, 2)},
+    **{f"dense-{n}": (LOBES, [], planes("fit.plane", f"dense: {n}"), []) for n in (2, 5, 8)},
     "no-pivot": (LOBES, [("    pivot: lobes.pivot\n", "")], [], []),
     "ids": (LOBES, [("ranks: 2", "source: ids")], [], []),
     "no-parts": (LOBES, [("ranks: 2", "source: none")], [], []),
@@ -152,6 +154,20 @@ def flat(folder, ids, work):
     return path, colour
 
 
+def with_ids(folder, work):
+    """The render of 16 samples with the ID passes of that of 64, which are of one sample in either."""
+    render, ids = oiio.ImageBuf(folder + "/noisy_16.exr"), folder + "/noisy_64.exr"
+    passes = ["ViewLayer.IndexMA.X", "ViewLayer.IndexOB.X"]
+    pixels = np.dstack([render.get_pixels(oiio.FLOAT), *(single(ids, name) for name in passes)])
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], "float")
+    spec.channelnames = tuple([*render.spec().channelnames, *passes])
+    out = oiio.ImageBuf(spec)
+    out.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels))
+    path = f"{work}/ids_{os.path.basename(folder)}.exr"
+    out.write(path)
+    return path
+
+
 def exact_light(render, reference):
     lit = sum(layer(render, f"ViewLayer.{k}Col") * (layer(reference, f"ViewLayer.{k}Dir") +
                                                    layer(reference, f"ViewLayer.{k}Ind"))
@@ -161,7 +177,8 @@ def exact_light(render, reference):
 
 def shares(folder, images):
     """Relative errors near boundaries and elsewhere: noise of the reference, what renders of 16 and 64 samples with
-    seeds of their own have in common beyond it, and what each has alone."""
+    seeds of their own have in common beyond it, and what each has alone. Before that: pixels near boundaries of which
+    no object covers 98 %, and their share in what is near beyond the error elsewhere."""
     near = masks(folder)[0]
     reference = layer(folder + "/ref.exr", "ViewLayer.Combined")
     scale = reference**2 + 0.01
@@ -170,7 +187,12 @@ def shares(folder, images):
     common = (errors[0] * errors[1] / scale).mean(-1)
     noise = (layer(folder + "/ref.exr", "ViewLayer.RefVar") / scale).mean(-1)
     kept = np.logical_and(*(s <= np.quantile(s, 0.999) for s in squares))
-    text = []
+    ranks = [f"{kind}0{rank}.{c}" for kind in ("CryptoObject", "CryptoMaterial") for rank in (0, 1) for c in "ga"]
+    cover = {name: single(folder + "/noisy_64.exr", "ViewLayer." + name) for name in ranks}
+    mixed = np.minimum(*(np.maximum.reduce([c for name, c in cover.items() if kind in name])
+                         for kind in ("Object", "Material"))) < 0.98
+    excess = [((squares[1] - squares[1][~near & kept].mean()) * (mask & kept)).sum() for mask in (near & mixed, near)]
+    text = [f"mixed {(near & mixed).mean():.2f} of all pixels, {excess[0] / excess[1]:.2f} of the excess near at 64"]
     for name, mask in (("near", near & kept), ("else", ~near & kept)):
         both = common[mask].mean()
         text.append(f"{name}: reference {noise[mask].mean():.4f} common {both - noise[mask].mean():.4f} "
@@ -203,6 +225,8 @@ def alone(name, scenes, build, samples, work):
             render = f"{folder}/noisy_{spp}.exr"
             if name == "exact-light":
                 image = exact_light(render, folder + "/ref.exr")
+            elif name == "with-ids":
+                image = run(LOBES, ["-i", "render=" + with_ids(folder, work)], out + ".exr")
             else:
                 graph = LOBES if name == "reference" else GRAPHS + name + ".yaml"
                 inputs = [i.replace("SCENE", folder).replace("RENDER", render) for i in PEERS[name]]
