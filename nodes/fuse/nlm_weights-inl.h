@@ -194,9 +194,9 @@ HWY_NOINLINE void Weigh(const WeightJob& job)
         const V inverse_p = hn::LoadU(d, job.inverse_p + x);
         float* to_p = job.into_p + x;
         float* to_q = job.into_q + x;
-        float* const sums = job.sums + x;
         V r = hn::Zero(d), g = r, b = r, total = r;
         const bool added = add && v >= job.first && v < job.last;
+        float* const sums = added ? job.sums + x : nullptr;
         if (added) {
             r = hn::LoadU(d, sums);
             g = hn::LoadU(d, sums + sums_stride);
