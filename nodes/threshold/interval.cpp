@@ -88,6 +88,7 @@ public:
         const ImageDesc& mean = context.input("mean");
         m_window = mean.data;
         m_mean = require_colours(context, "mean");
+        m_of_sample = m.variance_of == "sample";
         if (context.has("variance"))
             m_variance = matching_colours(context, "mean", "variance");
         else if (m.too_few == "error")
@@ -112,45 +113,50 @@ public:
     void compute(const TileContext& context) const override
     {
         const Region& region = context.region();
+        const auto width = static_cast<std::size_t>(region.width());
         const ConstImageView mean = context.input("mean");
         const ConstImageView variance =
             m_variance.empty() ? ConstImageView() : context.input("variance");
+        const ConstImageView counts =
+            context.has("count") ? context.input("count") : ConstImageView();
+        const Outputs out(context);
+        // Of each pixel of a row: Student's factor, and what makes its variance that of the mean; 0
+        // where it has no samples of its own to go by.
+        std::vector<float> factor(width), divisor(width);
+        std::vector<int> lone;
         std::size_t replaced = 0;
-        for (int y = region.y0; y < region.y1; ++y)
+        for (int y = region.y0; y < region.y1; ++y) {
+            lone.clear();
             for (int x = region.x0; x < region.x1; ++x) {
-                const float count =
-                    context.has("count") ? context.input("count").at(0, x, y) : m.samples;
-                // A count that is negative or no number is none.
-                int n = count > 0.0f
-                            ? static_cast<int>(std::min(count, static_cast<float>(table_size)))
-                            : 0;
-                if (m_variance.empty()) n = std::min(n, 1);
+                const float count = counts.empty() ? m.samples : counts.at(0, x, y);
+                const int n = samples_of(count);
                 if (n == 1 && m.too_few == "error")
                     throw InputError("pixel (" + std::to_string(x) + ", " + std::to_string(y) +
                                      "): " + one_sample_has_no_interval);
-                if (n == 1) ++replaced;
-                for (std::size_t c = 0; c < m_mean.size(); ++c) {
-                    const float centre = mean.at(m_mean[c], x, y);
-                    float of_mean = 0.0f, factor = 0.0f;
-                    if (n >= 2) {
-                        of_mean = std::max(0.0f, variance.at(m_variance[c], x, y));
-                        if (m.variance_of == "sample") of_mean /= count;
-                        factor = m_factors[static_cast<std::size_t>(n - 2)];
-                    } else if (n == 1) {
-                        of_mean = neighbour_variance(mean, m_mean[c], x, y);
-                        factor = m_neighbour_factor;
-                    }
-                    const float h = factor * std::sqrt(of_mean);
-                    const auto channel = static_cast<int>(c);
-                    if (context.wants("low")) context.output("low").at(channel, x, y) = centre - h;
-                    if (context.wants("high"))
-                        context.output("high").at(channel, x, y) = centre + h;
-                    if (context.wants("half_width"))
-                        context.output("half_width").at(channel, x, y) = h;
-                    if (context.wants("variance"))
-                        context.output("variance").at(channel, x, y) = of_mean;
+                if (n == 1) lone.push_back(x);
+                const auto i = static_cast<std::size_t>(x - region.x0);
+                factor[i] = n >= 2 ? m_factors[static_cast<std::size_t>(n - 2)] : 0.0f;
+                divisor[i] = n < 2 ? 0.0f : m_of_sample ? count : 1.0f;
+            }
+            replaced += lone.size();
+            for (std::size_t c = 0; c < m_mean.size(); ++c) {
+                const auto channel = static_cast<int>(c);
+                const float* const centre = mean.ptr(m_mean[c], region.x0, y);
+                const float* const given =
+                    variance.empty() ? centre : variance.ptr(m_variance[c], region.x0, y);
+                for (std::size_t i = 0; i < width; ++i) {
+                    const float of_mean =
+                        divisor[i] > 0.0f ? std::max(0.0f, given[i]) / divisor[i] : 0.0f;
+                    out.set(channel, region.x0 + static_cast<int>(i), y, centre[i],
+                            factor[i] * std::sqrt(of_mean), of_mean);
+                }
+                for (const int x : lone) {
+                    const float of_mean = neighbour_variance(mean, m_mean[c], x, y);
+                    out.set(channel, x, y, mean.at(m_mean[c], x, y),
+                            m_neighbour_factor * std::sqrt(of_mean), of_mean);
                 }
             }
+        }
         if (replaced > 0)
             context.count("pixels with one sample, width from their neighbours", replaced);
     }
@@ -159,6 +165,36 @@ private:
     static constexpr const char* one_sample_has_no_interval =
         "one sample has no confidence interval; render at least two samples a pixel (or the frame "
         "twice with different seeds), or set too_few: neighbours";
+
+    /// Those that are wanted; the others are empty.
+    struct Outputs {
+        ImageView low, high, half_width, variance;
+
+        explicit Outputs(const TileContext& context)
+            : low(wanted(context, "low")), high(wanted(context, "high")),
+              half_width(wanted(context, "half_width")), variance(wanted(context, "variance"))
+        {
+        }
+        static ImageView wanted(const TileContext& context, const char* port)
+        {
+            return context.wants(port) ? context.output(port) : ImageView();
+        }
+        void set(int channel, int x, int y, float centre, float h, float of_mean) const
+        {
+            if (!low.empty()) low.at(channel, x, y) = centre - h;
+            if (!high.empty()) high.at(channel, x, y) = centre + h;
+            if (!half_width.empty()) half_width.at(channel, x, y) = h;
+            if (!variance.empty()) variance.at(channel, x, y) = of_mean;
+        }
+    };
+
+    /// What the table of factors has; a count that is negative or no number is none.
+    int samples_of(float count) const
+    {
+        const int n =
+            count > 0.0f ? static_cast<int>(std::min(count, static_cast<float>(table_size))) : 0;
+        return m_variance.empty() ? std::min(n, 1) : n;
+    }
 
     float neighbour_variance(const ConstImageView& mean, int channel, int x, int y) const
     {
@@ -180,6 +216,7 @@ private:
 
     Params m;
     Region m_window;
+    bool m_of_sample = true; ///< the input is the variance of samples, not of their mean
     std::vector<int> m_mean, m_variance;
     std::vector<float> m_factors; ///< of n = 2, 3, …
     float m_neighbour_factor = 0.0f;

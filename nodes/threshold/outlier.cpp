@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <string>
 #include <vector>
@@ -93,28 +94,95 @@ public:
     {
         const Region& region = context.region();
         const ConstImageView image = context.input("image");
-        std::vector<float> neighbours;
-        if (context.wants("image")) m_passed.copy(image, context.output("image"));
+        const auto wanted = [&](const char* port) {
+            return context.wants(port) ? context.output(port) : ImageView();
+        };
+        const ImageView out = wanted("image"), excess = wanted("excess");
+        const ImageView out_variance = m_variance.empty() ? ImageView() : wanted("variance");
+        const ConstImageView variance =
+            out_variance.empty() ? ConstImageView() : context.input("variance");
+        const auto width = static_cast<std::size_t>(region.width());
+        std::vector<float> neighbours, kept(width);
+        Candidates candidates;
+        if (!out.empty()) m_passed.copy(image, out);
         for (int y = region.y0; y < region.y1; ++y) {
             context.check_cancelled();
-            for (int x = region.x0; x < region.x1; ++x) {
-                const float kept = factor(context, image, x, y, neighbours);
-                for (std::size_t k = 0; k < m_colour.size(); ++k) {
-                    const auto to = static_cast<int>(k);
-                    const float value = image.at(m_colour[k], x, y), capped = value * kept;
-                    if (context.wants("image"))
-                        context.output("image").at(m_colour[k], x, y) = capped;
-                    if (context.wants("excess"))
-                        context.output("excess").at(to, x, y) = value - capped;
-                    if (!m_variance.empty() && context.wants("variance"))
-                        context.output("variance").at(to, x, y) =
-                            context.input("variance").at(m_variance[k], x, y) * kept * kept;
+            find_candidates(image, region, y, candidates);
+            for (std::size_t i = 0; i < width; ++i)
+                kept[i] =
+                    candidates.found[i] != 0
+                        ? factor(context, image, region.x0 + static_cast<int>(i), y, neighbours)
+                        : 1.0f;
+            for (std::size_t k = 0; k < m_colour.size(); ++k) {
+                const auto to = static_cast<int>(k);
+                const float* const value = image.ptr(m_colour[k], region.x0, y);
+                if (!out.empty()) {
+                    float* const row = out.row(m_colour[k], y);
+                    for (std::size_t i = 0; i < width; ++i) row[i] = value[i] * kept[i];
+                }
+                if (!excess.empty()) {
+                    float* const row = excess.row(to, y);
+                    for (std::size_t i = 0; i < width; ++i) {
+                        const float capped = value[i] * kept[i];
+                        row[i] = value[i] - capped;
+                    }
+                }
+                if (!out_variance.empty()) {
+                    const float* const from = variance.ptr(m_variance[k], region.x0, y);
+                    float* const row = out_variance.row(to, y);
+                    for (std::size_t i = 0; i < width; ++i) row[i] = from[i] * kept[i] * kept[i];
                 }
             }
         }
     }
 
 private:
+    /// Of each pixel of a row, whether it may be an outlier.
+    struct Candidates {
+        std::vector<char> found;
+        std::vector<std::int32_t> as_bright; ///< scratch
+    };
+
+    static std::ptrdiff_t rank_of(double share, std::ptrdiff_t neighbours)
+    {
+        return std::max<std::ptrdiff_t>(
+            1, static_cast<std::ptrdiff_t>(std::ceil(share * static_cast<double>(neighbours))));
+    }
+
+    /// Pixels that enough neighbours match in some channel are none. Where the square is whole
+    /// that is counted for all of a row at once, which is much faster than asking
+    /// pixel by pixel; beside the border every pixel is asked.
+    void find_candidates(const ConstImageView& image, const Region& region, int y,
+                         Candidates& candidates) const
+    {
+        candidates.found.assign(static_cast<std::size_t>(region.width()), 1);
+        const int x0 = std::max(region.x0, m_window.x0 + m.radius),
+                  x1 = std::min(region.x1, m_window.x1 - m.radius);
+        if (x0 >= x1 || y < m_window.y0 + m.radius || y >= m_window.y1 - m.radius) return;
+        const auto n = static_cast<std::size_t>(x1 - x0);
+        char* const found = candidates.found.data() + (x0 - region.x0);
+        const std::ptrdiff_t side = 2 * m.radius + 1;
+        // The pixel is as bright as itself.
+        const auto enough = static_cast<std::int32_t>(rank_of(m.share, side * side - 1) + 1);
+        for (const int c : m_colour) {
+            candidates.as_bright.assign(n, 0);
+            std::int32_t* const as_bright = candidates.as_bright.data();
+            const float* const value = image.ptr(c, x0, y);
+            for (int v = y - m.radius; v <= y + m.radius; ++v)
+                for (int dx = -m.radius; dx <= m.radius; ++dx) {
+                    const float* const neighbour = image.ptr(c, x0 + dx, v);
+                    for (std::size_t i = 0; i < n; ++i)
+                        as_bright[i] += neighbour[i] >= value[i] ? 1 : 0;
+                }
+            int left = 0;
+            for (std::size_t i = 0; i < n; ++i) {
+                found[i] = found[i] != 0 && as_bright[i] < enough ? 1 : 0;
+                left += found[i];
+            }
+            if (left == 0) return;
+        }
+    }
+
     /// What the pixel's colours are multiplied by.
     float factor(const TileContext& context, const ConstImageView& image, int x, int y,
                  std::vector<float>& neighbours) const
@@ -123,8 +191,7 @@ private:
             Region{x, y, x + 1, y + 1}.grown(Halo::all(m.radius)).intersect(m_window);
         const auto number = static_cast<std::ptrdiff_t>(around.pixels()) - 1;
         if (number == 0 || m.share == 0.0) return 1.0f;
-        const auto rank = std::max<std::ptrdiff_t>(
-            1, static_cast<std::ptrdiff_t>(std::ceil(m.share * static_cast<double>(number))));
+        const std::ptrdiff_t rank = rank_of(m.share, number);
         for (const int c : m_colour)
             if (is_matched(image, c, x, y, around, rank)) return 1.0f;
         float most = 0.0f;
