@@ -14,10 +14,12 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstring>
 #include <iterator>
 #include <limits>
 #include <mutex>
+#include <thread>
 
 namespace rayloom
 {
@@ -404,7 +406,17 @@ void ImageReader::release() const
 
 void set_image_threads(int threads)
 {
-    OIIO::attribute("threads", threads);
+    // What OpenImageIO's pool loses in threads it detaches without giving back their stacks: runs
+    // on many and on few threads in turn would use up the address space. So that pool only grows.
+    // It has little to do: OpenEXR has threads of its own.
+    static std::atomic<int> largest = 0;
+    const int wanted =
+        threads > 0 ? threads : static_cast<int>(std::thread::hardware_concurrency());
+    for (int before = largest; wanted > before;)
+        if (largest.compare_exchange_weak(before, wanted)) {
+            OIIO::attribute("threads", wanted);
+            break;
+        }
     // The plug-in reads 0 as "every processor" and −1 as "no pool at all".
     OIIO::attribute("exr_threads", threads == 1 ? -1 : threads);
 }

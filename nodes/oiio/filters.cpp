@@ -197,6 +197,17 @@ Compute plan_unsharp(PlanContext& context, const Arguments& arguments)
 
 // ------------------------------------------------------------------------------------ resampling
 
+/// The same pixels with (x0, y0) as the origin of their places.
+ImageBuf moved(const ImageBuf& image, int x0, int y0)
+{
+    OIIO::ImageSpec spec = image.spec();
+    spec.x -= x0;
+    spec.y -= y0;
+    spec.full_x -= x0;
+    spec.full_y -= y0;
+    return ImageBuf(spec, const_cast<void*>(image.localpixels()));
+}
+
 int scaled(int n, double ratio) { return std::max(1, static_cast<int>(n * ratio + 0.5)); }
 
 Compute plan_resize(PlanContext& context, const Arguments& arguments)
@@ -265,10 +276,16 @@ Compute plan_resize(PlanContext& context, const Arguments& arguments)
                               1};
         return with_clamped_border(read, from);
     };
-    return on_imagebuf(context, image, result, reads,
-                       [filter](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
-                           return OIIO::ImageBufAlgo::resize(out, in, filter.get(), roi, 1);
-                       });
+    return on_imagebuf(
+        context, image, result, reads,
+        [filter, from](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
+            // OpenImageIO has places in floats: far from the origin they would miss their pixels.
+            ImageBuf near_out = moved(out, from.x0, from.y0);
+            const ImageBuf near_in = moved(in, from.x0, from.y0);
+            const ROI near_roi(roi.xbegin - from.x0, roi.xend - from.x0, roi.ybegin - from.y0,
+                               roi.yend - from.y0, 0, 1, roi.chbegin, roi.chend);
+            return OIIO::ImageBufAlgo::resize(near_out, near_in, filter.get(), near_roi, 1);
+        });
 }
 
 Compute plan_rotate(PlanContext& context, const Arguments& arguments)

@@ -6,6 +6,7 @@
 #include "tests/image/image_files.h"
 
 #include <bit>
+#include <fstream>
 
 namespace rayloom
 {
@@ -356,6 +357,25 @@ TEST(ImageReader, TilesFarLargerThanThePictureAreRefused)
                       why = "tiles of 2050x2050 pixels for an image of 20x37";
     EXPECT_TRUE(contains(refused, why)) << refused;
     EXPECT_NE(refused.find(why), refused.rfind(why)) << refused; // one part or several
+}
+
+// OpenImageIO keeps the stack of each thread its pool loses.
+TEST(ImageReader, RunsOnManyAndFewThreadsInTurnKeepTheAddressSpace)
+{
+    const auto pages = [] {
+        std::size_t number = 0;
+        std::ifstream("/proc/self/statm") >> number;
+        return number;
+    };
+    set_image_threads(8);
+    set_image_threads(1);
+    const std::size_t before = pages();
+    for (int i = 0; i < 40; ++i) {
+        set_image_threads(8);
+        set_image_threads(1);
+    }
+    set_image_threads(0);
+    EXPECT_LT(pages(), before + 200'000); // 800 MB; stacks were 1.6 GB
 }
 
 TEST(ImageReader, ContentKeyFollowsTheBytes)
