@@ -14,7 +14,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cstring>
 #include <iterator>
 #include <limits>
@@ -409,14 +408,15 @@ void set_image_threads(int threads)
     // What OpenImageIO's pool loses in threads it detaches without giving back their stacks: runs
     // on many and on few threads in turn would use up the address space. So that pool only grows.
     // It has little to do: OpenEXR has threads of its own.
-    static std::atomic<int> largest = 0;
+    static std::mutex mutex;
+    static int largest = 0;
+    const std::lock_guard lock(mutex);
     const int wanted =
         threads > 0 ? threads : static_cast<int>(std::thread::hardware_concurrency());
-    for (int before = largest; wanted > before;)
-        if (largest.compare_exchange_weak(before, wanted)) {
-            OIIO::attribute("threads", wanted);
-            break;
-        }
+    if (wanted > largest) {
+        OIIO::attribute("threads", wanted);
+        largest = wanted;
+    }
     // The plug-in reads 0 as "every processor" and −1 as "no pool at all".
     OIIO::attribute("exr_threads", threads == 1 ? -1 : threads);
 }

@@ -54,8 +54,9 @@ private:
     std::unique_ptr<State> m_state;
 };
 
-/// Threads OpenImageIO and OpenEXR may use to decode and encode; 0 is one per processor. A setting
-/// of the process, since the libraries know no other.
+/// Threads OpenEXR may use to decode and encode; 0 is one per processor. A setting of the process,
+/// since the library knows no other. OpenImageIO, which decodes some other formats on several
+/// threads, may use as many as the largest number so far.
 void set_image_threads(int threads);
 
 } // namespace rayloom

@@ -197,15 +197,28 @@ Compute plan_unsharp(PlanContext& context, const Arguments& arguments)
 
 // ------------------------------------------------------------------------------------ resampling
 
-/// The same pixels with (x0, y0) as the origin of their places.
-ImageBuf moved(const ImageBuf& image, int x0, int y0)
+/// Calls `function` with images and region as if the display window began at 0, 0: OpenImageIO has
+/// places in floats, which far from the origin miss their pixels.
+OnImageBuf beside_origin(const Region& display, OnImageBuf function)
 {
-    OIIO::ImageSpec spec = image.spec();
-    spec.x -= x0;
-    spec.y -= y0;
-    spec.full_x -= x0;
-    spec.full_y -= y0;
-    return ImageBuf(spec, const_cast<void*>(image.localpixels()));
+    return [x0 = display.x0, y0 = display.y0,
+            function = std::move(function)](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
+        // The same pixels, not copied.
+        const auto moved = [&](const ImageBuf& image) {
+            OIIO::ImageSpec spec = image.spec();
+            spec.x -= x0;
+            spec.y -= y0;
+            spec.full_x -= x0;
+            spec.full_y -= y0;
+            return ImageBuf(spec, const_cast<void*>(image.localpixels()));
+        };
+        ImageBuf result = moved(out);
+        const ROI part(roi.xbegin - x0, roi.xend - x0, roi.ybegin - y0, roi.yend - y0, 0, 1,
+                       roi.chbegin, roi.chend);
+        if (function(result, moved(in), part)) return true;
+        out.errorfmt("{}", result.geterror());
+        return false;
+    };
 }
 
 int scaled(int n, double ratio) { return std::max(1, static_cast<int>(n * ratio + 0.5)); }
@@ -276,16 +289,10 @@ Compute plan_resize(PlanContext& context, const Arguments& arguments)
                               1};
         return with_clamped_border(read, from);
     };
-    return on_imagebuf(
-        context, image, result, reads,
-        [filter, from](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
-            // OpenImageIO has places in floats: far from the origin they would miss their pixels.
-            ImageBuf near_out = moved(out, from.x0, from.y0);
-            const ImageBuf near_in = moved(in, from.x0, from.y0);
-            const ROI near_roi(roi.xbegin - from.x0, roi.xend - from.x0, roi.ybegin - from.y0,
-                               roi.yend - from.y0, 0, 1, roi.chbegin, roi.chend);
-            return OIIO::ImageBufAlgo::resize(near_out, near_in, filter.get(), near_roi, 1);
-        });
+    const auto resize = [filter](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
+        return OIIO::ImageBufAlgo::resize(out, in, filter.get(), roi, 1);
+    };
+    return on_imagebuf(context, image, result, reads, beside_origin(from, resize));
 }
 
 Compute plan_rotate(PlanContext& context, const Arguments& arguments)
@@ -296,8 +303,11 @@ Compute plan_rotate(PlanContext& context, const Arguments& arguments)
     const Region d = image.display;
     const std::vector<float> given = arguments.reals("center");
     if (!given.empty() && given.size() != 2) throw NodeError("'center' takes two numbers, x and y");
-    const float cx = given.empty() ? 0.5f * static_cast<float>(d.x0 + d.x1) : given[0],
-                cy = given.empty() ? 0.5f * static_cast<float>(d.y0 + d.y1) : given[1];
+    // From the corner of the display window.
+    const float cx = given.empty() ? 0.5f * static_cast<float>(d.width())
+                                   : given[0] - static_cast<float>(d.x0),
+                cy = given.empty() ? 0.5f * static_cast<float>(d.height())
+                                   : given[1] - static_cast<float>(d.y0);
     const std::string& name = arguments.text("filter");
     const float natural = arguments.real("filter_width") > 0.0f ? arguments.real("filter_width")
                                                                 : natural_width(name);
@@ -308,8 +318,9 @@ Compute plan_rotate(PlanContext& context, const Arguments& arguments)
         double x0 = 1e30, y0 = 1e30, x1 = -1e30, y1 = -1e30;
         for (const int x : {r.x0, r.x1})
             for (const int y : {r.y0, r.y1}) {
-                const double dx = x - double(cx), dy = y - double(cy);
-                const double sx = cx + c * dx - s * dy, sy = cy + s * dx + c * dy;
+                const double px = d.x0 + double(cx), py = d.y0 + double(cy);
+                const double dx = x - px, dy = y - py;
+                const double sx = px + c * dx - s * dy, sy = py + s * dx + c * dy;
                 x0 = std::min(x0, sx), x1 = std::max(x1, sx);
                 y0 = std::min(y0, sy), y1 = std::max(y1, sy);
             }
@@ -319,10 +330,10 @@ Compute plan_rotate(PlanContext& context, const Arguments& arguments)
             static_cast<int>(std::floor(x0)) - reach, static_cast<int>(std::floor(y0)) - reach,
             static_cast<int>(std::ceil(x1)) + reach, static_cast<int>(std::ceil(y1)) + reach};
     };
-    return on_imagebuf(
-        context, image, image, reads, [=](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
-            return OIIO::ImageBufAlgo::rotate(out, in, angle, cx, cy, filter.get(), false, roi, 1);
-        });
+    const auto rotate = [=](ImageBuf& out, const ImageBuf& in, const ROI& roi) {
+        return OIIO::ImageBufAlgo::rotate(out, in, angle, cx, cy, filter.get(), false, roi, 1);
+    };
+    return on_imagebuf(context, image, image, reads, beside_origin(d, rotate));
 }
 
 ParamInfo at_least(ParamInfo param, double lo)

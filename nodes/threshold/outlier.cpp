@@ -149,9 +149,9 @@ private:
             1, static_cast<std::ptrdiff_t>(std::ceil(share * static_cast<double>(neighbours))));
     }
 
-    /// Pixels that enough neighbours match in some channel are none. Where the square is whole
-    /// that is counted for all of a row at once, which is much faster than asking
-    /// pixel by pixel; beside the border every pixel is asked.
+    /// Pixels that enough neighbours match in some channel are none. Where the square is whole that
+    /// is counted for all of a row at once, which is much faster than asking pixel by pixel; beside
+    /// the border every pixel is asked.
     void find_candidates(const ConstImageView& image, const Region& region, int y,
                          Candidates& candidates) const
     {

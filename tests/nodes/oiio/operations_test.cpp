@@ -454,21 +454,26 @@ TEST(OiioTable, RotatesAroundADisplayWindowThatStartsAnywhere)
     EXPECT_EQ(difference(*turned, *image), "");
 }
 
-TEST(OiioTable, ResizesFarFromTheOriginAsAtIt)
+TEST(OiioTable, ResamplesFarFromTheOriginAsAtIt)
 {
-    const auto resized = [](int x, int y, int tile_width) {
+    const auto run = [](const char* op, const ParamValues& params, int x, int y, int tile_width) {
         const Region window{x, y, x + 40, y + 30};
-        return run_node("oiio.resize", {{"ratio", 0.7}},
-                        {{"image", {random_image(window, window, {"R", "G"}, 12)}}}, tile_width, 9)
+        return run_node(op, params, {{"image", {random_image(window, window, {"R", "G"}, 12)}}},
+                        tile_width, 9)
             .outputs.at("image")[0];
     };
-    const TestImagePtr here = resized(0, 0, 64), there = resized(1 << 27, -(1 << 27), 5);
-    for (int c = 0; c < 2; ++c)
-        for (int y = 0; y < here->desc.data.y1; ++y)
-            for (int x = 0; x < here->desc.data.x1; ++x)
-                ASSERT_EQ(there->pixels.view().at(c, (1 << 27) + x, y - (1 << 27)),
-                          here->pixels.view().at(c, x, y))
-                    << x << "," << y;
+    for (const auto& [op, params] :
+         {std::pair<const char*, ParamValues>{"oiio.resize", {{"ratio", 0.7}}},
+          {"oiio.rotate", {{"angle", 30.0}}}}) {
+        const TestImagePtr here = run(op, params, 0, 0, 64),
+                           there = run(op, params, 1 << 27, -(1 << 27), 5);
+        for (int c = 0; c < 2; ++c)
+            for (int y = 0; y < here->desc.data.y1; ++y)
+                for (int x = 0; x < here->desc.data.x1; ++x)
+                    ASSERT_EQ(there->pixels.view().at(c, (1 << 27) + x, y - (1 << 27)),
+                              here->pixels.view().at(c, x, y))
+                        << op << " " << x << "," << y;
+    }
 }
 
 TEST(OiioTable, KernelOfSigmaHasThatDeviation)
