@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/engine/plan.h"
 
+#include "rayloom/core/file_source.h"
 #include "rayloom/engine/cache.h"
 #include "rayloom/engine/engine_nodes.h"
 #include "rayloom/engine/planner.h"
+#include "rayloom/image/exr_reader.h"
 
 #include <OpenImageIO/hash.h>
 
@@ -194,6 +196,33 @@ void Planner::choose_in_place(WorkItem& item, const std::vector<int>& uses)
     reader.inlined = true;
 }
 
+/// Rows of one file are read together, as a block of an EXR is unpacked with all its channels.
+void Planner::find_files()
+{
+    if (!m_options.skip) return;
+    struct Part {
+        int number = 0;
+        const ImageReader* reader = nullptr;
+    };
+    std::map<std::pair<std::string, int>, std::vector<Part>> files;
+    int numbers = 0;
+    for (WorkItem& item : m_plan.items) {
+        if (!item.needed || item.inlined) continue;
+        const auto read = static_cast<std::size_t>(std::max(0, item.in_place));
+        const WorkItem& from =
+            item.in_place < 0 ? item
+                              : m_plan.items[static_cast<std::size_t>(m_plan.streams[read].item)];
+        const ImageReader* const reader = m_plan.reader_of(from);
+        if (reader == nullptr) continue;
+        // One name may stand for two files: one that was replaced while the other was planned.
+        std::vector<Part>& parts = files[{reader->file().path(), reader->selection().part}];
+        const auto same = std::ranges::find_if(
+            parts, [&](const Part& part) { return part.reader->may_share(*reader); });
+        item.file = same == parts.end() ? numbers++ : same->number;
+        if (same == parts.end()) parts.push_back({item.file, reader});
+    }
+}
+
 Plan Planner::make(const Graph& written)
 {
     m_plan.graph_name = written.name;
@@ -246,10 +275,19 @@ Plan Planner::make(const Graph& written)
             m_plan.pruned.push_back({op.id, "nothing that runs needs it"});
     }
     choose_inlined();
+    find_files();
     return std::move(m_plan);
 }
 
 } // namespace planning
+
+const ImageReader* Plan::reader_of(const WorkItem& item) const
+{
+    if (item.source) return nullptr;
+    const auto* const node =
+        dynamic_cast<const FileSource*>(ops[static_cast<std::size_t>(item.op)].node.get());
+    return node != nullptr ? &node->reader(item.element) : nullptr;
+}
 
 Plan::RowAccess Plan::access_of(const WorkItem& item) const
 {

@@ -18,6 +18,8 @@
 namespace rayloom
 {
 
+class ImageReader;
+
 /// What of a graph an op stands for; messages name it accordingly.
 enum class OpRole { node, input, output };
 
@@ -92,6 +94,8 @@ struct WorkItem {
     /// Stream of a file reader whose rows are read straight into this item's rows, which compute()
     /// then works on in place; −1: none.
     int in_place = -1;
+    /// Items with the same number make rows out of the same part of the same file; −1: no file.
+    int file = -1;
     /// Pixels of the caller that are read where they are; the item has no rows of its own.
     std::optional<ConstImageView> lent;
     std::shared_ptr<const Node> source; ///< stands in for the op: its result, read from the cache
@@ -128,6 +132,8 @@ struct Plan {
     };
     /// How the item's rows are made.
     RowAccess access_of(const WorkItem& item) const;
+    /// What reads the item's rows from a file; null when none does.
+    const ImageReader* reader_of(const WorkItem& item) const;
 
     /// Image inputs by op and port; reductions read them without a work item of their own.
     std::map<int, std::map<std::string, std::vector<int>, std::less<>>> op_inputs;

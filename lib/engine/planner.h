@@ -108,6 +108,7 @@ private:
     void prune();
     void choose_inlined();
     void choose_in_place(WorkItem& item, const std::vector<int>& uses);
+    void find_files();
     bool stream_black(int stream);
     bool channel_black(int stream, int channel);
 

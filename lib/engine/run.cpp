@@ -221,7 +221,7 @@ private:
     {
         if (m_options.stop.stop_requested()) throw Cancelled();
     }
-    void compute_rows(const WorkItem& item, const Region& rows);
+    void compute_rows(std::span<const Task> together);
     void compute_in_place(const WorkItem& item, const Region& rows);
     void compute_tile(const WorkItem& item, const Region& region);
     void evaluate(const WorkItem& item, const Region& region,
@@ -387,22 +387,42 @@ void Runner::compute_tile(const WorkItem& item, const Region& region)
     note_progress(region.pixels());
 }
 
-void Runner::compute_rows(const WorkItem& item, const Region& rows)
+void Runner::compute_rows(std::span<const Task> together)
 {
     // Two blocks a thread at a time: enough to decode in parallel, little to hold undecoded, and a
     // stop is noticed soon.
-    const int align = m_plan.access_of(item).alignment;
-    const int step = align * std::clamp(2 * m_schedule.threads, std::max(1, 64 / align),
-                                        std::max(1, 512 / align));
-    for (int y = rows.y0; y < rows.y1; y += step) {
+    int align = 1, y0 = together.front().region.y0, y1 = together.front().region.y1;
+    for (const Task& task : together) {
+        align = std::max(align, m_plan.access_of(m_plan.items[index(task.item)]).alignment);
+        y0 = std::min(y0, task.region.y0);
+        y1 = std::max(y1, task.region.y1);
+    }
+    int blocks =
+        std::clamp(2 * m_schedule.threads, std::max(1, 64 / align), std::max(1, 512 / align));
+    std::vector<const ImageReader*> readers;
+    for (const Task& task : together) {
+        const WorkItem& item = m_plan.items[index(task.item)];
+        if (item.file < 0) continue;
+        const ImageReader* const reader = m_plan.reader_of(
+            item.in_place < 0 ? item
+                              : m_plan.items[index(m_plan.streams[index(item.in_place)].item)]);
+        if (std::ranges::find(readers, reader) == readers.end()) readers.push_back(reader);
+    }
+    ImageReader::share_rows(readers);
+    if (readers.size() > 1) blocks = std::clamp(readers.front()->rows_at_once() / align, 1, blocks);
+    for (int y = y0; y < y1; y += align * blocks) {
         check_stop();
-        Region part = rows;
-        part.y0 = y;
-        part.y1 = std::min(rows.y1, y + step);
-        if (item.in_place < 0)
-            compute_tile(item, part);
-        else
-            compute_in_place(item, part);
+        for (const Task& task : together) {
+            Region part = task.region;
+            part.y0 = std::max(part.y0, y);
+            part.y1 = std::min(part.y1, y + align * blocks);
+            if (part.empty()) continue;
+            const WorkItem& item = m_plan.items[index(task.item)];
+            if (item.in_place < 0)
+                compute_tile(item, part);
+            else
+                compute_in_place(item, part);
+        }
     }
 }
 
@@ -426,6 +446,8 @@ void Runner::compute_in_place(const WorkItem& item, const Region& rows)
 void Runner::compute(const std::vector<RowTask>& batch)
 {
     std::vector<Task> tasks;
+    std::vector<std::vector<Task>> row_tasks;
+    std::map<int, std::size_t> files; ///< row task of a file
     for (const RowTask& rows : batch) {
         const WorkItem& item = m_plan.items[index(rows.item)];
         if (item.lent) continue;
@@ -438,7 +460,18 @@ void Runner::compute(const std::vector<RowTask>& batch)
             }
         if (all.empty()) continue;
         if (m_plan.access_of(item).access != Access::tiles) {
-            tasks.push_back({rows.item, all});
+            if (m_plan.access_of(item).access != Access::rows) {
+                tasks.push_back({rows.item, all});
+                continue;
+            }
+            // Rows of one file are read together: a block of an EXR is unpacked with all channels.
+            const auto known = item.file < 0 ? files.end() : files.find(item.file);
+            if (known != files.end()) {
+                row_tasks[known->second].push_back({rows.item, all});
+            } else {
+                if (item.file >= 0) files.emplace(item.file, row_tasks.size());
+                row_tasks.push_back({{rows.item, all}});
+            }
             continue;
         }
         int tw = m_schedule.tile_width, th = m_schedule.tile_height;
@@ -452,13 +485,14 @@ void Runner::compute(const std::vector<RowTask>& batch)
                     {rows.item, {x, y, std::min(all.x1, x + tw), std::min(all.y1, y + th)}});
     }
     try {
-        parallel_for<std::size_t>(0, tasks.size(), 1, [&](std::size_t t) {
+        // Rows first: what reads a file takes longest.
+        const std::size_t reads = row_tasks.size();
+        parallel_for<std::size_t>(0, reads + tasks.size(), 1, [&](std::size_t t) {
             check_stop();
-            const WorkItem& item = m_plan.items[index(tasks[t].item)];
-            if (m_plan.access_of(item).access == Access::rows)
-                compute_rows(item, tasks[t].region);
+            if (t < reads)
+                compute_rows(row_tasks[t]);
             else
-                compute_tile(item, tasks[t].region);
+                compute_tile(m_plan.items[index(tasks[t - reads].item)], tasks[t - reads].region);
         });
     } catch (...) {
         m_failed = true;

@@ -9,7 +9,9 @@
 #include <tbb/info.h>
 
 #include <algorithm>
+#include <optional>
 #include <set>
+#include <utility>
 
 namespace rayloom
 {
@@ -180,13 +182,47 @@ std::vector<Sweep> make_sweeps(const Plan& plan)
     return sweeps;
 }
 
+/// Layers of a file one sweep reads and later ones want: read along, so that the file is unpacked
+/// once. Nothing where there are none.
+std::optional<std::vector<Sweep>> read_ahead(const Plan& plan, std::vector<Sweep> sweeps)
+{
+    bool any = false;
+    std::vector<std::vector<Region>> demand;
+    for (const Sweep& sweep : sweeps) demand.push_back(total_demand(plan, {sweep}));
+    for (std::size_t p = 0; p + 1 < sweeps.size(); ++p) {
+        std::set<int> files;
+        for (std::size_t i = 0; i < plan.items.size(); ++i)
+            if (!demand[p][i].empty()) files.insert(plan.items[i].file);
+        for (std::size_t i = 0; i < plan.items.size(); ++i) {
+            const WorkItem& item = plan.items[i];
+            if (item.file < 0 || !files.contains(item.file)) continue;
+            // Rows that are worked on in place must wait for nothing but the file.
+            if (item.inputs.size() > 1 || !plan.ops[index(item.op)].table_inputs.empty()) continue;
+            Region before, after;
+            for (std::size_t q = 0; q < sweeps.size(); ++q) {
+                Region& when = q <= p ? before : after;
+                when = when.hull(demand[q][i]);
+            }
+            if (!before.empty() || after.empty()) continue;
+            SweepRoot root;
+            root.item = static_cast<int>(i);
+            root.domain = after;
+            sweeps[p].push_back(root);
+            demand[p][i] = after;
+            any = true;
+        }
+    }
+    if (!any) return std::nullopt;
+    return sweeps;
+}
+
 /// Follows the walk in bytes.
 class MemoryVisitor final : public SweepVisitor
 {
 public:
     MemoryVisitor(const Plan& plan, const std::vector<Region>& columns)
         : m_plan(plan), m_columns(columns), m_capacity(plan.items.size(), 0),
-          m_lo(plan.items.size(), 0), m_hi(plan.items.size(), 0)
+          m_lo(plan.items.size(), 0), m_hi(plan.items.size(), 0), m_most_rows(plan.items.size(), 0)
     {
     }
     void extend(int i, int lo, int hi, int reserve) override
@@ -196,6 +232,7 @@ public:
         l = fresh ? lo : std::min(l, lo);
         h = fresh ? hi : std::max(h, hi);
         const int rows = std::max(h - l, m_capacity[index(i)] > 0 ? 0 : reserve);
+        m_most_rows[index(i)] = std::max(m_most_rows[index(i)], rows);
         int& capacity = m_capacity[index(i)];
         if (rows > capacity) {
             // While a band of pixels grows, old and new exist side by side.
@@ -221,6 +258,7 @@ public:
     void finish_strip(const SweepRoot&, const Region&) override {}
     void finish_sweep(const Sweep&) override {}
     std::size_t peak() const { return m_peak; }
+    const std::vector<int>& most_rows() const { return m_most_rows; }
 
 private:
     std::size_t item_bytes(int i, int rows) const
@@ -240,7 +278,7 @@ private:
 
     const Plan& m_plan;
     const std::vector<Region>& m_columns;
-    std::vector<int> m_capacity, m_lo, m_hi;
+    std::vector<int> m_capacity, m_lo, m_hi, m_most_rows;
     std::size_t m_bytes = 0, m_peak = 0;
 };
 
@@ -392,7 +430,8 @@ void walk(const Plan& plan, const Schedule& schedule, SweepVisitor& visitor)
                 Region d = demand[i];
                 const int id = static_cast<int>(i);
                 // Rows kept for a later sweep pile up to all that sweep reads.
-                const int reserve = later[i].empty() ? 0 : later[i].hull(d).height();
+                int reserve = later[i].empty() ? 0 : later[i].hull(d).height();
+                if (!schedule.most_rows.empty()) reserve = std::max(reserve, schedule.most_rows[i]);
                 if (h.empty()) {
                     visitor.extend(id, d.y0, d.y1, reserve);
                     batch.push_back({id, d.y0, d.y1});
@@ -447,6 +486,11 @@ Schedule make_schedule(const Plan& plan, const RunOptions& options)
     const auto estimate = [&](int strips, bool retain) {
         schedule.strips = strips;
         schedule.retain = retain;
+        // Once to see how many rows an item comes to hold, once with memory set aside for them.
+        schedule.most_rows.clear();
+        MemoryVisitor first(plan, columns);
+        walk(plan, schedule, first);
+        schedule.most_rows = first.most_rows();
         MemoryVisitor visitor(plan, columns);
         walk(plan, schedule, visitor);
         schedule.peak_bytes = visitor.peak() + scratch;
@@ -469,6 +513,15 @@ Schedule make_schedule(const Plan& plan, const RunOptions& options)
         most = height;
     }
     std::size_t least = estimate(comfortable, true);
+    // What is read ahead is kept in memory: it must not be much.
+    if (std::optional<std::vector<Sweep>> sweeps = read_ahead(plan, schedule.sweeps)) {
+        std::swap(*sweeps, schedule.sweeps);
+        const std::size_t bytes = estimate(comfortable, true);
+        if (bytes <= least + least / 4 && (options.memory == 0 || bytes <= options.memory))
+            return schedule;
+        std::swap(*sweeps, schedule.sweeps);
+        least = estimate(comfortable, true);
+    }
     if (options.memory == 0 || least <= options.memory) return schedule;
     for (const bool retain : {true, false})
         for (int strips = comfortable; strips <= most; strips *= 2) {

@@ -32,6 +32,8 @@ struct Schedule {
     /// Keep rows that a later sweep reads again; false recomputes (or rereads) them.
     bool retain = true;
     std::size_t peak_bytes = 0; ///< estimate, pixels and scratch
+    /// Most rows an item holds at a time: its bands get memory for them at once.
+    std::vector<int> most_rows;
     int tile_width = 256, tile_height = 128;
     int threads = 1;
 };

@@ -8,6 +8,7 @@
 #include "rayloom/image/view.h"
 
 #include <memory>
+#include <span>
 
 namespace rayloom
 {
@@ -41,12 +42,28 @@ public:
     /// several rows, their mean. Reads no sample. 0 when the sizes cannot be read.
     std::size_t deep_row_samples() const;
 
-    /// Memory read() holds beside the pixels it fills, for bands of whole blocks.
+    /// Memory read() may hold beside the pixels it fills, for bands of whole blocks, whatever
+    /// channels it shares rows with.
     std::size_t scratch_bytes() const;
 
-    /// Frees decoded rows that were read to their end; the file stays open.
+    /// Whether both read the same part of the same file, so that they may share_rows().
+    bool may_share(const ImageReader& other) const;
+    /// From now on these readers, and no others, decode rows together: what one of them has decoded
+    /// the others find, as long as they read the same rows one after another. Pixels are the same
+    /// either way. Precondition: each may_share() with the first; none of them is read meanwhile.
+    static void share_rows(std::span<const ImageReader* const> readers);
+
+    /// Rows that are decoded at a time: those who share rows should not read more before the others
+    /// do.
+    int rows_at_once() const;
+    /// Rows unpacked so far, by all who share them: twice the rows of the image where each was
+    /// unpacked twice.
+    std::size_t rows_decoded() const;
+
+    /// Frees decoded rows that were read to their end by all who share them; the file stays open.
     void trim() const;
-    /// Closes the file until the next read and frees what was decoded.
+    /// Closes the file until the next read and frees what was decoded, once all who share rows
+    /// ask for it.
     void release() const;
 
 private:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/io/layer_params.h"
+#include "rayloom/core/file_source.h"
 #include "rayloom/image/exr_reader.h"
 
 namespace rayloom
@@ -7,7 +8,7 @@ namespace rayloom
 
 namespace
 {
-class ReadImage final : public Node
+class ReadImage final : public FileSource
 {
 public:
     struct Params : LayerParams {
@@ -22,7 +23,9 @@ public:
                 "Pixels come as linear float32 at the places the file's data window gives them; "
                 "metadata, windows and pixel types travel along for whoever writes a descendant of "
                 "the image. Only the header is read before the run starts. Files are read "
-                "directly, in the blocks they are compressed in, and never cached.\n\n"
+                "directly, in the blocks they are compressed in, and never cached. Layers of one "
+                "file "
+                "that are read in the same run are unpacked together.\n\n"
                 "The layer is addressed by its name ('ViewLayer.Combined'), its part ('beauty'), "
                 "both ('beauty.Combined'), its last word where no other layer has it "
                 "('Combined'), or as one channel ('ViewLayer.Depth.Z'). Without a layer the "
@@ -69,6 +72,8 @@ outputs:
     {
         m_reader->read(context.output("image"));
     }
+
+    const ImageReader& reader(std::size_t) const override { return *m_reader; }
 
     std::string content_key(bool thorough) const override
     {

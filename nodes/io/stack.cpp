@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/io/layer_params.h"
+#include "rayloom/core/file_source.h"
 #include "rayloom/core/text.h"
 #include "rayloom/image/exr_reader.h"
 
@@ -14,7 +15,7 @@ namespace
 // Files one stack keeps open at once, well under what a process may have.
 constexpr std::size_t max_open = 128;
 
-class ReadStack final : public Node
+class ReadStack final : public FileSource
 {
 public:
     struct Params : LayerParams {
@@ -83,6 +84,8 @@ outputs:
         else
             m_readers[element].trim();
     }
+
+    const ImageReader& reader(std::size_t element) const override { return m_readers[element]; }
 
     std::string content_key(bool thorough) const override
     {

@@ -171,6 +171,84 @@ TEST(ImageReader, ThreadsTakeTurns)
     EXPECT_EQ(wrong, 0);
 }
 
+std::size_t differing(const ImageBuffer& a, const ImageBuffer& b)
+{
+    std::size_t n = 0;
+    const Region& r = a.region();
+    for (int c = 0; c < a.channels(); ++c)
+        for (int y = r.y0; y < r.y1; ++y)
+            for (int x = r.x0; x < r.x1; ++x)
+                n += std::bit_cast<std::uint32_t>(a.view().at(c, x, y)) !=
+                     std::bit_cast<std::uint32_t>(b.view().at(c, x, y));
+    return n;
+}
+
+TEST(ImageReader, ReadersThatShareRowsReadTheSameAndUnpackOnce)
+{
+    const TemporaryFolder folder;
+    for (const char* compression : {"none", "zips", "zip", "piz"})
+        for (const bool tiled : {false, true}) {
+            Part part{"", cycles_channels, -7, -11, 45, 83};
+            part.compression = compression;
+            if (tiled) part.tile_width = part.tile_height = 16;
+            write_exr(folder.file("a.exr"), {part});
+            const auto file = ImageFile::open(folder.file("a.exr"));
+            std::vector<ImageReader> alone, shared;
+            for (const char* layer : {"Denoising Albedo", "Combined", "CryptoObject00", "IndexOB"})
+                for (std::vector<ImageReader>* readers : {&alone, &shared})
+                    readers->emplace_back(file, find(*file, layer));
+            std::vector<const ImageReader*> together;
+            for (const ImageReader& reader : shared) {
+                EXPECT_TRUE(reader.may_share(shared.front()));
+                together.push_back(&reader);
+            }
+            ImageReader::share_rows(together);
+            for (int time = 1; time <= 2; ++time) {
+                for (int y = -11; y < 72; y += 32)
+                    for (std::size_t i = 0; i < shared.size(); ++i) {
+                        const Region band{-7, y, 38, std::min(72, y + 32)};
+                        const int channels = shared[i].desc().channel_count();
+                        ImageBuffer one(band, channels), other(band, channels);
+                        alone[i].read(one.view());
+                        shared[i].read(other.view());
+                        EXPECT_EQ(differing(one, other), 0u) << compression << tiled << " " << i;
+                        shared[i].trim();
+                    }
+                const std::size_t rows = tiled ? 96 : 83; // whole tiles
+                EXPECT_EQ(shared.front().rows_decoded(), time * rows) << compression << tiled;
+                for (const ImageReader& reader : shared) reader.release();
+            }
+            // Asked for again they stay together; others part them.
+            ImageReader::share_rows(together);
+            EXPECT_GT(shared.front().rows_decoded(), 0u);
+            together.pop_back();
+            ImageReader::share_rows(together);
+            EXPECT_EQ(shared.front().rows_decoded(), 0u);
+            const Region rows{-7, 60, 38, 72};
+            ImageBuffer last(rows, 1), expected(rows, 1);
+            shared.back().read(last.view());
+            alone.back().read(expected.view());
+            EXPECT_EQ(differing(last, expected), 0u) << compression << tiled;
+        }
+}
+
+TEST(ImageReader, OnlyReadersOfOnePartOfOneFileShareRows)
+{
+    const TemporaryFolder folder;
+    const std::vector<Channel> rgb = {{"R"}, {"G"}, {"B"}};
+    write_exr(folder.file("a.exr"), {{"beauty", rgb}, {"spec", rgb}});
+    write_exr(folder.file("b.exr"), {{"beauty", rgb}});
+    const auto a = ImageFile::open(folder.file("a.exr")), b = ImageFile::open(folder.file("b.exr"));
+    const ImageReader beauty(a, find(*a, "beauty")), red(a, find(*a, "beauty.R"));
+    EXPECT_TRUE(beauty.may_share(red));
+    EXPECT_FALSE(beauty.may_share(ImageReader(a, find(*a, "spec"))));
+    EXPECT_FALSE(beauty.may_share(ImageReader(b, find(*b, "beauty"))));
+    // The same name, another picture.
+    write_exr(folder.file("a.exr"), {{"beauty", rgb, 0, 0, 30, 30}});
+    const auto replaced = ImageFile::open(folder.file("a.exr"));
+    EXPECT_FALSE(beauty.may_share(ImageReader(replaced, find(*replaced, "beauty"))));
+}
+
 TEST(ImageReader, AlphaZeroKeepsItsColour)
 {
     const TemporaryFolder folder;
