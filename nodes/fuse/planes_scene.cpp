@@ -263,6 +263,7 @@ PlaneScene make_plane_scene(const PlaneSettings& settings, const Region& part, c
     PlaneScene s;
     s.colours = colours;
     s.area = part.grown(Halo::all(settings.max_radius));
+    s.known = s.area.intersect(data); // the columns that come on top of these are not asked for
     const int stride = settings.stride, over = s.area.x0 % stride;
     s.area.x0 -= over < 0 ? over + stride : over;
     const int longest = (s.area.width() + stride - 1) / stride;
@@ -276,7 +277,7 @@ PlaneScene make_plane_scene(const PlaneSettings& settings, const Region& part, c
     s.light = s.z + colours;
     s.variance = s.light + 1;
     s.weight = s.variance + 1;
-    const Region known = s.area.intersect(data);
+    const Region known = s.known;
     Region padded = s.area;
     padded.x1 = padded.x0 + stride * static_cast<int>(s.columns.segment);
     s.pixels = ImageBuffer(padded, colours > 0 ? s.weight + 1 : s.z);
@@ -313,7 +314,7 @@ void add_plane_light(PlaneScene& s, const PlaneSettings& settings, const Region&
                      const PlaneGuides& guides)
 {
     const ImageView to = s.pixels.view();
-    const Region known = s.area.intersect(data);
+    const Region known = s.known;
     // Light, noise and use of all rows around, then their sums over five rows; zeros outside.
     Region wide = known.grown(Halo::all(near_radius));
     wide.x1 += plane_tail;

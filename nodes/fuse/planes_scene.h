@@ -41,7 +41,8 @@ struct PlaneColumns {
 /// Guides around the centres, zeros outside the image.
 struct PlaneScene {
     ImageBuffer pixels;
-    Region area; ///< of the pixels; `pixels` is wider
+    Region area;  ///< of the pixels; `pixels` is wider
+    Region known; ///< what of it there is in the image, and was asked for; zeros elsewhere
     PlaneColumns columns;
     int source = 0, normal = 0, parts = 0;          ///< first channels
     int z = 0, light = 0, variance = 0, weight = 0; ///< those of add_plane_light()
