@@ -188,6 +188,7 @@ std::optional<std::vector<Sweep>> read_ahead(const Plan& plan, std::vector<Sweep
 {
     bool any = false;
     std::vector<std::vector<Region>> demand;
+    demand.reserve(sweeps.size());
     for (const Sweep& sweep : sweeps) demand.push_back(total_demand(plan, {sweep}));
     for (std::size_t p = 0; p + 1 < sweeps.size(); ++p) {
         std::set<int> files;

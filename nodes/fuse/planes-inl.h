@@ -21,9 +21,6 @@ namespace
 {
 using namespace simd::HWY_NAMESPACE;
 
-/// Vectors that are worked on side by side.
-constexpr int side_by_side = 4;
-
 /// w ← w · 2^−t for t ≥ 0. From t = 60 on it is 0: squares of weights are added up, and those that
 /// are not normal numbers are slow.
 template <int N>

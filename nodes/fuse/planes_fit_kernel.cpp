@@ -48,6 +48,9 @@ namespace HWY_NAMESPACE
 namespace
 {
 
+/// Vectors that are worked on side by side.
+constexpr int side_by_side = 4;
+
 /// Weighted moments of deviations from the reference colour, with x and y counted away from the
 /// centre: sums of a quadrant are sums of what is positive.
 template <int C>
@@ -567,7 +570,7 @@ std::vector<int> plane_radii(const PlaneSettings& settings)
 
 std::size_t fit_planes_scratch(const PlaneSettings& settings, int colours, int part_channels)
 {
-    const auto side = static_cast<std::size_t>(2 * settings.max_radius + 1);
+    const std::size_t side = 2 * static_cast<std::size_t>(settings.max_radius) + 1;
     return 2 * plane_scene_bytes(settings, colours, part_channels) +
            side * side * plane_tail * sizeof(float);
 }
@@ -589,7 +592,7 @@ double fit_planes(const PlaneSettings& settings, const Region& data, const Plane
                                         static_cast<float>(r * r));
         radii.push_back(std::move(step));
     }
-    const auto side = static_cast<std::size_t>(2 * settings.max_radius + 1);
+    const std::size_t side = 2 * static_cast<std::size_t>(settings.max_radius) + 1;
     std::vector<float> weights(side * side * HWY_DYNAMIC_DISPATCH(VectorLanes)());
     FitJob job;
     job.settings = &settings;

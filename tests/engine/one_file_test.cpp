@@ -32,7 +32,7 @@ protected:
         image->desc.channels = {"color.R", "color.G",  "color.B",  "pivot.R", "pivot.G",
                                 "pivot.B", "normal.X", "normal.Y", "normal.Z"};
         OIIO::ImageBuf buffer = to_image_buf(*image);
-        const std::string path = (folder.path() / name).string();
+        std::string path = (folder.path() / name).string();
         EXPECT_TRUE(buffer.write(path)) << buffer.geterror();
         return path;
     }

@@ -341,7 +341,7 @@ TEST(ImageReader, MissingFilesAndOtherThings)
     EXPECT_TRUE(contains(open("."), "folder"));
     std::ofstream(folder.file("text.exr")) << "hello";
     EXPECT_TRUE(contains(open("text.exr"), "not an image"));
-    std::ofstream(folder.file("empty.exr"));
+    std::ofstream(folder.file("empty.exr")).close();
     EXPECT_TRUE(contains(open("empty.exr"), "not an image"));
 }
 

@@ -97,6 +97,7 @@ inline void write_exr(const std::string& path, const std::vector<Part>& parts,
                       bool any_bits = false)
 {
     std::vector<OIIO::ImageSpec> specs;
+    specs.reserve(parts.size());
     for (const Part& part : parts) specs.push_back(spec_of(part));
     auto out = OIIO::ImageOutput::create(path);
     ASSERT_TRUE(out);
