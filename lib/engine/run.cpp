@@ -424,6 +424,7 @@ void Runner::compute_rows(std::span<const Task> together)
                 compute_in_place(item, part);
         }
     }
+    if (readers.size() > 1) readers.front()->rows_end();
 }
 
 void Runner::compute_in_place(const WorkItem& item, const Region& rows)

@@ -134,7 +134,10 @@ void ImageReader::share_rows(std::span<const ImageReader* const> readers)
         high = reader == readers.front() ? to : std::max(high, to);
         shared = shared && s.decoder == first.decoder;
     }
-    if (shared) return;
+    if (shared) {
+        first.decoder->expect_readers();
+        return;
+    }
     const auto rows = std::make_shared<RowDecoder>(first.file, first.selection.part, low, high);
     for (const ImageReader* reader : readers) reader->m_state->use(rows);
 }
@@ -282,6 +285,8 @@ std::size_t ImageReader::deep_row_samples() const
     exr_finish(&context);
     return most;
 }
+
+void ImageReader::rows_end() const { m_state->decoder->rows_end(); }
 
 int ImageReader::rows_at_once() const { return m_state->decoder->rows_at_once(); }
 

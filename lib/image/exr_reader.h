@@ -52,6 +52,8 @@ public:
     /// the others find, as long as they read the same rows one after another. Pixels are the same
     /// either way. Precondition: each may_share() with the first; none of them is read meanwhile.
     static void share_rows(std::span<const ImageReader* const> readers);
+    /// After share_rows(): these rows were read by all who want them.
+    void rows_end() const;
 
     /// Rows that are decoded at a time: those who share rows should not read more before the others
     /// do.
@@ -60,7 +62,8 @@ public:
     /// unpacked twice.
     std::size_t rows_decoded() const;
 
-    /// Frees decoded rows that were read to their end by all who share them; the file stays open.
+    /// Frees decoded rows once they were read to their end by all who share them, or rows_end();
+    /// the file stays open.
     void trim() const;
     /// Closes the file until the next read and frees what was decoded, once all who share rows
     /// ask for it.

@@ -64,6 +64,12 @@ std::size_t RowDecoder::readers() const
     return m_readers.size();
 }
 
+void RowDecoder::expect_readers()
+{
+    const auto held = lock();
+    for (auto& [reader, state] : m_readers) state.open = true;
+}
+
 OIIO::ImageInput& RowDecoder::input()
 {
     if (m_input) return *m_input;
@@ -180,15 +186,23 @@ void RowDecoder::free_rows()
     m_pixels.reset();
     m_capacity = 0;
     m_decoded = {};
+    m_trim = false;
 }
 
 void RowDecoder::trim()
 {
     const auto held = lock();
     const int end = std::min(m_decoded.y1, m_part.data.y1);
+    m_trim = true;
     for (const auto& [reader, state] : m_readers)
         if (state.read_up_to < end) return;
     free_rows();
+}
+
+void RowDecoder::rows_end()
+{
+    const auto held = lock();
+    if (m_trim) free_rows();
 }
 
 void RowDecoder::release(const void* reader)

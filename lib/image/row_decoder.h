@@ -37,6 +37,8 @@ public:
     void join(const void* reader);
     void leave(const void* reader);
     std::size_t readers() const;
+    /// All of them are about to read.
+    void expect_readers();
 
     /// Held from decode() to the last use of what it returned.
     std::unique_lock<std::mutex> lock() const { return std::unique_lock(m_mutex); }
@@ -62,8 +64,11 @@ public:
     /// Throws InputError: rows [y0, y1) cannot be read, and why.
     [[noreturn]] void fail_rows(int y0, int y1, const std::string& layer, std::string why) const;
 
-    /// Frees decoded rows that every reader has read to their end; the file stays open.
+    /// Frees decoded rows that every reader has read to their end, others when rows_end() is said;
+    /// the file stays open.
     void trim();
+    /// Nobody will read these rows soon: frees what a trim() had to leave.
+    void rows_end();
     /// The reader is done with the file: the last one closes it and frees what was decoded.
     void release(const void* reader);
 
@@ -77,7 +82,7 @@ public:
 private:
     struct Reader {
         int read_up_to = 0;
-        bool open = false; ///< has read since it released the file
+        bool open = true; ///< will read, or has read, and has not released the file since
     };
 
     std::int64_t blocks_at_once(int width) const;
@@ -98,6 +103,7 @@ private:
     std::unique_ptr<std::byte[]> m_pixels;
     std::size_t m_capacity = 0;
     std::size_t m_rows_decoded = 0;
+    bool m_trim = false; ///< someone asked for it
 };
 
 /// Whether both parts have the same windows, channels and types.

@@ -143,6 +143,9 @@ outputs:
     }
     request.inputs["color"].is_list = request.inputs["normal"].is_list = true;
     EXPECT_EQ(times_unpacked(text), 1.0);
+    RunOptions many; // so many threads that all rows are read at a time
+    many.threads = 32;
+    EXPECT_EQ(times_unpacked(text, many), 1.0);
     RunOptions own;
     own.skip = false;
     EXPECT_TRUE(same_bits(run(text, {}), run(text, own)));

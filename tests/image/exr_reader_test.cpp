@@ -232,6 +232,33 @@ TEST(ImageReader, ReadersThatShareRowsReadTheSameAndUnpackOnce)
         }
 }
 
+TEST(ImageReader, SharedRowsAreFreedWhenAskedThoughOneReaderWantsFewer)
+{
+    const TemporaryFolder folder;
+    Part part{"", cycles_channels, 0, 0, 32, 64};
+    part.compression = "zips";
+    write_exr(folder.file("a.exr"), {part});
+    const auto file = ImageFile::open(folder.file("a.exr"));
+    const ImageReader colour(file, find(*file, "Combined")), depth(file, find(*file, "Depth"));
+    const ImageReader* const both[] = {&colour, &depth};
+    const auto read = [](const ImageReader& reader, int y0, int y1) {
+        ImageBuffer pixels({0, y0, 32, y1}, reader.desc().channel_count());
+        reader.read(pixels.view());
+        reader.trim();
+    };
+    ImageReader::share_rows(both);
+    read(colour, 0, 40);
+    read(depth, 0, 30);
+    EXPECT_EQ(colour.rows_decoded(), 40u);
+    read(depth, 30, 40);
+    EXPECT_EQ(colour.rows_decoded(), 40u) << "rows one has not read yet are there";
+    read(colour, 40, 60);
+    read(depth, 40, 50);
+    colour.rows_end();
+    read(depth, 50, 60);
+    EXPECT_EQ(colour.rows_decoded(), 70u) << "nobody was to want them";
+}
+
 TEST(ImageReader, OnlyReadersOfOnePartOfOneFileShareRows)
 {
     const TemporaryFolder folder;
