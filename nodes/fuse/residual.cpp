@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
+#include "rayloom/image/window_sums.h"
 
 #include <algorithm>
 #include <cmath>
@@ -134,13 +135,7 @@ private:
             const float* const row = from.row(channel, v);
             for (std::size_t i = 0; i < column.size(); ++i) column[i] += row[i];
         }
-        for (std::size_t i = 0; i < to.size(); ++i) {
-            const int x = x0 + static_cast<int>(i);
-            float sum = 0.0f;
-            for (int u = std::max(x - radius, in.x0); u <= std::min(x + radius, in.x1 - 1); ++u)
-                sum += column[static_cast<std::size_t>(u - in.x0)];
-            to[i] = sum;
-        }
+        window_sums<float>(column, x0 - in.x0, radius, to);
     }
 
     /// Lowers the shares of a row from x0 on whose surroundings have less.

@@ -2,6 +2,7 @@
 #include "rayloom/core/colour_channels.h"
 #include "rayloom/core/registry.h"
 #include "rayloom/image/border.h"
+#include "rayloom/image/window_sums.h"
 
 #include <algorithm>
 #include <vector>
@@ -147,13 +148,13 @@ private:
             for (std::size_t i = 0; i < column.size(); ++i)
                 column[i] += static_cast<double>(row[i]);
         }
+        std::vector<double> sums(to.size());
+        window_sums<double>(column, x0 - wide.x0, m.radius, sums);
         for (std::size_t i = 0; i < to.size(); ++i) {
             const int x = x0 + static_cast<int>(i);
-            const int u0 = std::max(x - m.radius, wide.x0),
-                      u1 = std::min(x + m.radius + 1, wide.x1);
-            double sum = 0.0;
-            for (int u = u0; u < u1; ++u) sum += column[static_cast<std::size_t>(u - wide.x0)];
-            to[i] = static_cast<float>(sum / static_cast<double>((v1 - v0) * (u1 - u0)));
+            const int columns =
+                std::min(x + m.radius + 1, wide.x1) - std::max(x - m.radius, wide.x0);
+            to[i] = static_cast<float>(sums[i] / static_cast<double>((v1 - v0) * columns));
         }
     }
 
