@@ -239,7 +239,8 @@ TEST(ImageReader, SharedRowsAreFreedWhenAskedThoughOneReaderWantsFewer)
     part.compression = "zips";
     write_exr(folder.file("a.exr"), {part});
     const auto file = ImageFile::open(folder.file("a.exr"));
-    const ImageReader colour(file, find(*file, "Combined")), depth(file, find(*file, "Denoising Depth"));
+    const ImageReader colour(file, find(*file, "Combined")),
+        depth(file, find(*file, "Denoising Depth"));
     const ImageReader* const both[] = {&colour, &depth};
     const auto read = [](const ImageReader& reader, int y0, int y1) {
         ImageBuffer pixels({0, y0, 32, y1}, reader.desc().channel_count());
