@@ -208,11 +208,7 @@ void Planner::find_files()
     int numbers = 0;
     for (WorkItem& item : m_plan.items) {
         if (!item.needed || item.inlined) continue;
-        const auto read = static_cast<std::size_t>(std::max(0, item.in_place));
-        const WorkItem& from =
-            item.in_place < 0 ? item
-                              : m_plan.items[static_cast<std::size_t>(m_plan.streams[read].item)];
-        const ImageReader* const reader = m_plan.reader_of(from);
+        const ImageReader* const reader = m_plan.file_reader(item);
         if (reader == nullptr) continue;
         // One name may stand for two files: one that was replaced while the other was planned.
         std::vector<Part>& parts = files[{reader->file().path(), reader->selection().part}];
@@ -281,9 +277,13 @@ Plan Planner::make(const Graph& written)
 
 } // namespace planning
 
-const ImageReader* Plan::reader_of(const WorkItem& item) const
+const ImageReader* Plan::file_reader(const WorkItem& item) const
 {
     if (item.source) return nullptr;
+    if (item.in_place >= 0) {
+        const Stream& read = streams[static_cast<std::size_t>(item.in_place)];
+        return file_reader(items[static_cast<std::size_t>(read.item)]);
+    }
     const auto* const node =
         dynamic_cast<const FileSource*>(ops[static_cast<std::size_t>(item.op)].node.get());
     return node != nullptr ? &node->reader(item.element) : nullptr;

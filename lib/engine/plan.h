@@ -132,8 +132,8 @@ struct Plan {
     };
     /// How the item's rows are made.
     RowAccess access_of(const WorkItem& item) const;
-    /// What reads the item's rows from a file; null when none does.
-    const ImageReader* reader_of(const WorkItem& item) const;
+    /// What reads the item's rows from a file, or those it works on in place; null when none does.
+    const ImageReader* file_reader(const WorkItem& item) const;
 
     /// Image inputs by op and port; reductions read them without a work item of their own.
     std::map<int, std::map<std::string, std::vector<int>, std::less<>>> op_inputs;

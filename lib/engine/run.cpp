@@ -403,9 +403,7 @@ void Runner::compute_rows(std::span<const Task> together)
     for (const Task& task : together) {
         const WorkItem& item = m_plan.items[index(task.item)];
         if (item.file < 0) continue;
-        const ImageReader* const reader = m_plan.reader_of(
-            item.in_place < 0 ? item
-                              : m_plan.items[index(m_plan.streams[index(item.in_place)].item)]);
+        const ImageReader* const reader = m_plan.file_reader(item);
         if (std::ranges::find(readers, reader) == readers.end()) readers.push_back(reader);
     }
     ImageReader::share_rows(readers);

@@ -5,10 +5,14 @@
 #include "rayloom/core/text.h"
 #include "rayloom/engine/band.h"
 #include "rayloom/image/deep_rows.h"
+#include "rayloom/image/exr_reader.h"
 
 #include <tbb/info.h>
 
 #include <algorithm>
+#include <functional>
+#include <map>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <utility>
@@ -283,6 +287,21 @@ private:
     std::size_t m_bytes = 0, m_peak = 0;
 };
 
+/// Decoded rows of files that several items read together, of as many as are read at a time.
+std::size_t shared_rows(const Plan& plan, int threads)
+{
+    std::map<int, std::vector<const ImageReader*>> files;
+    for (const WorkItem& item : plan.items)
+        if (item.needed && item.file >= 0) files[item.file].push_back(plan.file_reader(item));
+    std::vector<std::size_t> bytes;
+    for (const auto& [file, readers] : files)
+        if (readers.size() > 1) bytes.push_back(ImageReader::shared_bytes(readers));
+    std::ranges::sort(bytes, std::greater<>());
+    const std::size_t n = std::min(bytes.size(), index(threads));
+    return std::accumulate(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n),
+                           std::size_t{0});
+}
+
 /// Scratch one thread may hold while it computes a tile of the item, inlined producers included.
 std::size_t tile_scratch(const Plan& plan, const WorkItem& item, const Schedule& schedule)
 {
@@ -480,6 +499,7 @@ Schedule make_schedule(const Plan& plan, const RunOptions& options)
     for (const WorkItem& item : plan.items)
         if (item.needed) scratch = std::max(scratch, tile_scratch(plan, item, schedule));
     scratch *= static_cast<std::size_t>(schedule.threads);
+    scratch += shared_rows(plan, schedule.threads);
 
     int height = 1;
     for (const Sweep& sweep : schedule.sweeps)

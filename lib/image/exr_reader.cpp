@@ -121,24 +121,30 @@ bool ImageReader::may_share(const ImageReader& other) const
            !a.part->deep && !b.part->deep && same_layout(*a.part->spec, *b.part->spec);
 }
 
+std::pair<int, int> ImageReader::channel_range(std::span<const ImageReader* const> readers)
+{
+    auto [first, end] = readers.front()->m_state->channel_range();
+    for (const ImageReader* reader : readers) {
+        const auto [from, to] = reader->m_state->channel_range();
+        first = std::min(first, from);
+        end = std::max(end, to);
+    }
+    return {first, end};
+}
+
 void ImageReader::share_rows(std::span<const ImageReader* const> readers)
 {
     if (readers.empty()) return;
-    State& first = *readers.front()->m_state;
-    int low = first.decoder->first(), high = first.decoder->end();
-    bool shared = first.decoder->readers() == readers.size();
-    for (const ImageReader* reader : readers) {
-        const State& s = *reader->m_state;
-        const auto [from, to] = s.channel_range();
-        low = reader == readers.front() ? from : std::min(low, from);
-        high = reader == readers.front() ? to : std::max(high, to);
-        shared = shared && s.decoder == first.decoder;
-    }
-    if (shared) {
-        first.decoder->expect_readers();
+    const State& any = *readers.front()->m_state;
+    if (any.decoder->readers() == readers.size() &&
+        std::ranges::all_of(readers, [&](const ImageReader* reader) {
+            return reader->m_state->decoder == any.decoder;
+        })) {
+        any.decoder->expect_readers();
         return;
     }
-    const auto rows = std::make_shared<RowDecoder>(first.file, first.selection.part, low, high);
+    const auto [first, end] = channel_range(readers);
+    const auto rows = std::make_shared<RowDecoder>(any.file, any.selection.part, first, end);
     for (const ImageReader* reader : readers) reader->m_state->use(rows);
 }
 
@@ -292,7 +298,17 @@ int ImageReader::rows_at_once() const { return m_state->decoder->rows_at_once();
 
 std::size_t ImageReader::rows_decoded() const { return m_state->decoder->rows_decoded(); }
 
-std::size_t ImageReader::scratch_bytes() const { return m_state->decoder->most_bytes(); }
+std::size_t ImageReader::scratch_bytes() const
+{
+    const auto [first, end] = m_state->channel_range();
+    return RowDecoder::most_bytes(*m_state->part, first, end, 1);
+}
+
+std::size_t ImageReader::shared_bytes(std::span<const ImageReader* const> readers)
+{
+    const auto [first, end] = channel_range(readers);
+    return RowDecoder::most_bytes(readers.front()->part(), first, end, readers.size());
+}
 
 void ImageReader::trim() const { m_state->decoder->trim(); }
 

@@ -9,6 +9,7 @@
 
 #include <memory>
 #include <span>
+#include <utility>
 
 namespace rayloom
 {
@@ -42,9 +43,11 @@ public:
     /// several rows, their mean. Reads no sample. 0 when the sizes cannot be read.
     std::size_t deep_row_samples() const;
 
-    /// Memory read() may hold beside the pixels it fills, for bands of whole blocks, whatever
-    /// channels it shares rows with.
+    /// Memory read() may hold beside the pixels it fills, for bands of whole blocks, as long as no
+    /// rows are shared.
     std::size_t scratch_bytes() const;
+    /// Memory these readers may hold together once they share rows.
+    static std::size_t shared_bytes(std::span<const ImageReader* const> readers);
 
     /// Whether both read the same part of the same file, so that they may share_rows().
     bool may_share(const ImageReader& other) const;
@@ -70,6 +73,9 @@ public:
     void release() const;
 
 private:
+    /// First channel any of them reads, and the one after the last.
+    static std::pair<int, int> channel_range(std::span<const ImageReader* const> readers);
+
     struct State;
     std::unique_ptr<State> m_state;
 };

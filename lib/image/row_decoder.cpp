@@ -16,7 +16,7 @@ namespace
 {
 // Decoded rows held at a time: enough for every decoding thread to have blocks of its own. Readers
 // that share rows hold together what each would have held, up to a few.
-constexpr std::size_t band_bytes = std::size_t{32} << 20;
+constexpr std::size_t one_band_bytes = std::size_t{32} << 20;
 constexpr std::size_t most_bands = 4;
 } // namespace
 
@@ -120,9 +120,13 @@ std::int64_t RowDecoder::blocks_at_once(int width) const
 {
     const std::size_t block = static_cast<std::size_t>(width) *
                               static_cast<std::size_t>(m_part.chunk_rows) * m_pixel_bytes;
-    const std::size_t bytes = band_bytes * std::clamp<std::size_t>(m_readers.size(), 1, most_bands);
     return static_cast<std::int64_t>(
-        std::clamp<std::size_t>(bytes / block, 2, std::size_t{1} << 16));
+        std::clamp<std::size_t>(band_bytes(m_readers.size()) / block, 2, std::size_t{1} << 16));
+}
+
+std::size_t RowDecoder::band_bytes(std::size_t readers)
+{
+    return one_band_bytes * std::clamp<std::size_t>(readers, 1, most_bands);
 }
 
 int RowDecoder::rows_at_once() const
@@ -215,15 +219,15 @@ void RowDecoder::release(const void* reader)
     free_rows();
 }
 
-std::size_t RowDecoder::most_bytes() const
+std::size_t RowDecoder::most_bytes(const PartInfo& part, int first, int end, std::size_t readers)
 {
-    const OIIO::ImageSpec& spec = *m_part.spec;
     std::size_t pixel = 0;
-    for (int c = 0; c < spec.nchannels; ++c)
-        pixel += std::max(sizeof(float), spec.channelformat(c).size());
-    const std::size_t row = static_cast<std::size_t>(m_part.data.width()) * pixel;
-    return std::min(row * static_cast<std::size_t>(m_part.data.height()),
-                    std::max(band_bytes, 2 * row * static_cast<std::size_t>(m_part.chunk_rows)));
+    for (int c = first; c < end; ++c)
+        pixel += std::max(sizeof(float), part.spec->channelformat(c).size());
+    const std::size_t row = static_cast<std::size_t>(part.data.width()) * pixel;
+    return std::min(
+        row * static_cast<std::size_t>(part.data.height()),
+        std::max(band_bytes(readers), 2 * row * static_cast<std::size_t>(part.chunk_rows)));
 }
 
 } // namespace rayloom

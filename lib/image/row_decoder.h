@@ -76,8 +76,8 @@ public:
     int rows_at_once() const;
     /// Rows unpacked so far.
     std::size_t rows_decoded() const;
-    /// Bytes one reader's rows may take, whatever the channels.
-    std::size_t most_bytes() const;
+    /// Bytes the rows of channels [first, end) of a part may take for so many readers.
+    static std::size_t most_bytes(const PartInfo& part, int first, int end, std::size_t readers);
 
 private:
     struct Reader {
@@ -86,6 +86,7 @@ private:
     };
 
     std::int64_t blocks_at_once(int width) const;
+    static std::size_t band_bytes(std::size_t readers);
     void decode_blocks(const Region& blocks, const std::string& layer);
     void free_rows();
 

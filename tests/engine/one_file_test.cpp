@@ -48,7 +48,7 @@ protected:
         run_plan(plan, options);
         std::size_t most = 0;
         for (const WorkItem& item : plan.items)
-            if (const ImageReader* reader = plan.reader_of(item))
+            if (const ImageReader* reader = plan.file_reader(item))
                 most = std::max(most, reader->rows_decoded());
         return static_cast<double>(most) / window.height();
     }
