@@ -465,6 +465,27 @@ TEST(ImageReader, TilesFarLargerThanThePictureAreRefused)
     EXPECT_NE(refused.find(why), refused.rfind(why)) << refused; // one part or several
 }
 
+// OpenEXR checks nothing else in their header, and OpenImageIO ends the process at a channel whose
+// type it does not know.
+TEST(ImageReader, PartsOfAnUnknownTypeAreRefused)
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("parts.exr");
+    write_exr(path, {{"first", {{"R"}}, 0, 0, 20, 20}, {"second", {{"Y"}}, 0, 0, 20, 20}});
+    std::string bytes;
+    for (const char c : bytes_of(path)) bytes += c;
+    const auto opened = [&] {
+        std::ofstream(path, std::ios::binary).write(bytes.data(), std::ssize(bytes));
+        return message_of([&] { ImageFile::open(path); });
+    };
+    EXPECT_EQ(opened(), "");
+    bytes.replace(bytes.rfind("scanlineimage"), 13, "scanlineimagE");
+    const std::string why = "part 1 is neither scanlines nor tiles";
+    EXPECT_TRUE(contains(opened(), why));
+    bytes[bytes.rfind(std::string("\0Y\0", 3)) + 3] = 3; // there are types 0 to 2
+    EXPECT_TRUE(contains(opened(), why));
+}
+
 // OpenImageIO keeps the stack of each thread its pool loses.
 TEST(ImageReader, RunsOnManyAndFewThreadsInTurnKeepTheAddressSpace)
 {
