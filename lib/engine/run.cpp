@@ -458,11 +458,8 @@ void Runner::compute(const std::vector<RowTask>& batch)
                 all.x1 = held.x1;
             }
         if (all.empty()) continue;
-        if (m_plan.access_of(item).access != Access::tiles) {
-            if (m_plan.access_of(item).access != Access::rows) {
-                tasks.push_back({rows.item, all});
-                continue;
-            }
+        const Access access = m_plan.access_of(item).access;
+        if (access == Access::rows) {
             // Rows of one file are read together: a block of an EXR is unpacked with all channels.
             const auto known = item.file < 0 ? files.end() : files.find(item.file);
             if (known != files.end()) {
@@ -471,6 +468,10 @@ void Runner::compute(const std::vector<RowTask>& batch)
                 if (item.file >= 0) files.emplace(item.file, row_tasks.size());
                 row_tasks.push_back({{rows.item, all}});
             }
+            continue;
+        }
+        if (access != Access::tiles) {
+            tasks.push_back({rows.item, all});
             continue;
         }
         int tw = m_schedule.tile_width, th = m_schedule.tile_height;

@@ -38,6 +38,7 @@ struct ImageReader::State {
     std::vector<RowDecoder::Channel> sources; ///< per selected channel, in a decoded pixel
     Region deep_decoded;
     std::vector<DeepRow> deep_rows;
+    std::size_t rows_decoded = 0; ///< guarded by the lock of the decoder
 
     std::pair<int, int> channel_range() const
     {
@@ -167,7 +168,9 @@ void ImageReader::read(ImageView out) const
                    "'" + s.selection.layer + "' is deep; read it with io.read_deep");
     const auto lock = s.decoder->lock();
     for (int y = r.y0; y < r.y1;) {
+        const std::size_t before = s.decoder->rows_decoded();
         const int end = std::min(r.y1, s.decoder->decode(r, y, s.selection.layer).y1);
+        s.rows_decoded += s.decoder->rows_decoded() - before;
         parallel_for(y, end, 4, [&](int row) { s.unpack_row(out, row); });
         y = end;
     }
@@ -296,7 +299,11 @@ void ImageReader::rows_end() const { m_state->decoder->rows_end(); }
 
 int ImageReader::rows_at_once() const { return m_state->decoder->rows_at_once(); }
 
-std::size_t ImageReader::rows_decoded() const { return m_state->decoder->rows_decoded(); }
+std::size_t ImageReader::rows_decoded() const
+{
+    const auto lock = m_state->decoder->lock();
+    return m_state->rows_decoded;
+}
 
 std::size_t ImageReader::scratch_bytes() const
 {

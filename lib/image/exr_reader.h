@@ -61,8 +61,8 @@ public:
     /// Rows that are decoded at a time: those who share rows should not read more before the others
     /// do.
     int rows_at_once() const;
-    /// Rows unpacked so far, by all who share them: twice the rows of the image where each was
-    /// unpacked twice.
+    /// Rows this reader had unpacked so far, as nobody it shares them with had before. Over all
+    /// readers of a file: twice the rows of the image where each was unpacked twice.
     std::size_t rows_decoded() const;
 
     /// Frees decoded rows once they were read to their end by all who share them, or rows_end();

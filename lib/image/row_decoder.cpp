@@ -179,12 +179,6 @@ void RowDecoder::decode_blocks(const Region& blocks, const std::string& layer)
     for (auto& [reader, state] : m_readers) state.read_up_to = blocks.y0;
 }
 
-std::size_t RowDecoder::rows_decoded() const
-{
-    const auto held = lock();
-    return m_rows_decoded;
-}
-
 void RowDecoder::free_rows()
 {
     m_pixels.reset();

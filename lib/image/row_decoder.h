@@ -16,7 +16,8 @@
 namespace rayloom
 {
 
-/// Channels [first, end) of one part. The members that take no lock say so.
+/// Channels [first, end) of one part. Members with the precondition lock() take none themselves,
+/// all others may be called at any time.
 class RowDecoder
 {
 public:
@@ -74,8 +75,8 @@ public:
 
     /// Rows of whole blocks that decode() holds at a time.
     int rows_at_once() const;
-    /// Rows unpacked so far.
-    std::size_t rows_decoded() const;
+    /// Rows unpacked so far. Precondition: lock().
+    std::size_t rows_decoded() const { return m_rows_decoded; }
     /// Bytes the rows of channels [first, end) of a part may take for so many readers.
     static std::size_t most_bytes(const PartInfo& part, int first, int end, std::size_t readers);
 

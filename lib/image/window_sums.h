@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// \file
-/// Sums over windows along a row.
+/// Sums and means over windows along a row.
 #pragma once
 
 #include <algorithm>
@@ -34,6 +34,21 @@ void window_sums(std::span<const T> values, int first, int radius, std::span<T> 
     std::fill_n(sums, end - begin, T(0));
     for (int k = 0; k <= 2 * radius; ++k)
         for (int i = 0; i < end - begin; ++i) sums[i] += left[i + k];
+}
+
+/// Means over squares: values are sums over `rows` rows, to[i] ← the sum of window_sums() over the
+/// number of pixels it holds, rows · (values in the window). Preconditions: those of window_sums(),
+/// rows ≥ 1, radius ≥ 0.
+inline void window_means(std::span<const double> values, int rows, int first, int radius,
+                         std::span<double> to)
+{
+    window_sums(values, first, radius, to);
+    const int n = static_cast<int>(values.size());
+    for (int i = 0; i < static_cast<int>(to.size()); ++i) {
+        const int begin = std::max(first + i - radius, 0),
+                  end = std::min(first + i + radius + 1, n);
+        to[static_cast<std::size_t>(i)] /= static_cast<double>(rows * (end - begin));
+    }
 }
 
 } // namespace rayloom

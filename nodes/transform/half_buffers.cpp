@@ -94,7 +94,7 @@ public:
         if (!context.wants("variance")) return;
         const Region wide = region.grown(Halo::all(m.radius)).intersect(m_window);
         std::vector<double> column(static_cast<std::size_t>(wide.width()));
-        std::vector<double> sums(static_cast<std::size_t>(region.width()));
+        std::vector<double> means(static_cast<std::size_t>(region.width()));
         for (std::size_t c = 0; c < m_channels.size(); ++c)
             for (int y = region.y0; y < region.y1; ++y) {
                 const int v0 = std::max(y - m.radius, wide.y0),
@@ -109,15 +109,10 @@ public:
                         column[i] += e * e;
                     }
                 }
-                window_sums<double>(column, region.x0 - wide.x0, m.radius, sums);
-                float* to = context.output("variance").row(static_cast<int>(c), y);
-                for (int x = region.x0; x < region.x1; ++x) {
-                    const int columns =
-                        std::min(x + m.radius + 1, wide.x1) - std::max(x - m.radius, wide.x0);
-                    const double sum = sums[static_cast<std::size_t>(x - region.x0)];
-                    to[x - region.x0] =
-                        static_cast<float>(sum / static_cast<double>((v1 - v0) * columns));
-                }
+                window_means(column, v1 - v0, region.x0 - wide.x0, m.radius, means);
+                std::ranges::transform(means,
+                                       context.output("variance").row(static_cast<int>(c), y),
+                                       [](double mean) { return static_cast<float>(mean); });
             }
     }
 

@@ -148,14 +148,10 @@ private:
             for (std::size_t i = 0; i < column.size(); ++i)
                 column[i] += static_cast<double>(row[i]);
         }
-        std::vector<double> sums(to.size());
-        window_sums<double>(column, x0 - wide.x0, m.radius, sums);
-        for (std::size_t i = 0; i < to.size(); ++i) {
-            const int x = x0 + static_cast<int>(i);
-            const int columns =
-                std::min(x + m.radius + 1, wide.x1) - std::max(x - m.radius, wide.x0);
-            to[i] = static_cast<float>(sums[i] / static_cast<double>((v1 - v0) * columns));
-        }
+        std::vector<double> means(to.size());
+        window_means(column, v1 - v0, x0 - wide.x0, m.radius, means);
+        std::ranges::transform(means, to.begin(),
+                               [](double mean) { return static_cast<float>(mean); });
     }
 
     Params m;

@@ -5,6 +5,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <cstdlib>
 #include <limits>
 #include <random>
 #include <vector>
@@ -48,6 +49,28 @@ TEST(WindowSums, InfinityStaysInItsWindows)
     EXPECT_EQ(sums[3], values[4]);
     EXPECT_EQ(sums[6], 3.0);
     EXPECT_EQ(sums[8], 2.0);
+}
+
+TEST(WindowMeans, SumsOverThePixelsThereAre)
+{
+    std::mt19937 random(11);
+    std::uniform_real_distribution<double> value(0.0, 1e3);
+    for (const int n : {1, 2, 9, 40})
+        for (const int radius : {0, 1, 3, 20, 64})
+            for (int first = 0; first < n; first += 2) {
+                std::vector<double> values(static_cast<std::size_t>(n));
+                for (double& v : values) v = value(random);
+                const std::size_t count = static_cast<std::size_t>((n - first + 1) / 2);
+                std::vector<double> sums(count), means(count);
+                window_sums<double>(values, first, radius, sums);
+                window_means(values, 3, first, radius, means);
+                for (std::size_t i = 0; i < count; ++i) {
+                    int pixels = 0;
+                    for (int j = 0; j < n; ++j)
+                        pixels += 3 * (std::abs(j - first - static_cast<int>(i)) <= radius);
+                    EXPECT_EQ(means[i], sums[i] / pixels) << n << " " << radius << " " << first;
+                }
+            }
 }
 
 } // namespace
