@@ -63,7 +63,7 @@ void run(const Graph& graph, const std::string& input, const std::string& path,
     rayloom::fuzz::answer([&] { rayloom::run_graph(graph, request, options); });
 }
 
-/// A place of the file's header: name, type and value of an attribute.
+/// A place of the file's headers: name, type and value of an attribute.
 struct Attribute {
     std::string name, type;
     std::size_t begin = 0, size = 0;
@@ -78,9 +78,18 @@ std::vector<Attribute> attributes(const std::uint8_t* data, std::size_t size)
             text += static_cast<char>(data[at++]);
         return at++ < size;
     };
+    const bool parts = size > 5 && (data[5] & 0x10) != 0; // a header each, and an empty one
+    bool within = false;
     while (at < size) {
         Attribute a;
-        if (!word(a.name) || a.name.empty() || !word(a.type) || at + 4 > size) break;
+        if (!word(a.name)) break;
+        if (a.name.empty()) {
+            if (!parts || !within) break;
+            within = false;
+            continue;
+        }
+        within = true;
+        if (!word(a.type) || at + 4 > size) break;
         std::uint32_t bytes = 0;
         std::memcpy(&bytes, data + at, 4);
         a.begin = at + 4;
@@ -180,7 +189,7 @@ std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::s
             break;
         case 5: // how a channel is stored: its type, its sampling, the end of its name
             for (const Attribute& a : header) {
-                if (a.type != "chlist") continue;
+                if (a.type != "chlist" || below(2) == 0) continue;
                 const std::vector<std::size_t> list = channels_of(data, a);
                 if (list.empty()) break;
                 const std::size_t at = list[below(list.size())];
