@@ -480,6 +480,34 @@ TEST(ImageReader, TilesFarLargerThanThePictureAreRefused)
     EXPECT_NE(refused.find(why), refused.rfind(why)) << refused; // one part or several
 }
 
+// OpenEXR would make room for a text of that length first, and clear it.
+TEST(ImageReader, FieldsLongerThanTheFileAreRefused)
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("a.exr");
+    const Part one{"one", {{"R"}}, 0, 0, 20, 20}, two{"two", {{"Y"}}, 0, 0, 20, 20};
+    for (const auto& parts : {std::vector{one}, std::vector{one, two}}) {
+        write_exr(path, parts);
+        std::string bytes;
+        for (const char c : bytes_of(path)) bytes += c;
+        for (const std::string& field :
+             {std::string("lineOrder\0lineOrder\0", 20), std::string("name\0string\0", 12)}) {
+            const std::size_t at = bytes.rfind(field); // that of the last part
+            if (at == std::string::npos) continue;     // one part has no name
+            for (const std::uint32_t size : {0x7fffffffu, 0x80000000u, 0xffffffffu}) {
+                std::string changed = bytes;
+                for (std::size_t i = 0; i < 4; ++i)
+                    changed[at + field.size() + i] = static_cast<char>(size >> 8 * i);
+                std::ofstream(path, std::ios::binary).write(changed.data(), std::ssize(changed));
+                const std::string message = message_of([&] { ImageFile::open(path); });
+                EXPECT_TRUE(contains(message, "promises " + std::to_string(size) + " bytes of '" +
+                                                  field.substr(0, field.find('\0')) + "'"))
+                    << message;
+            }
+        }
+    }
+}
+
 // OpenEXR checks nothing else in their header, and OpenImageIO ends the process at a channel whose
 // type it does not know.
 TEST(ImageReader, PartsOfAnUnknownTypeAreRefused)
