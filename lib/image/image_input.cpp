@@ -21,7 +21,8 @@ void fail_input(const std::string& path, const std::string& what)
 
 std::string plain_message(std::string message, const std::string& path)
 {
-    message = OIIO::Strutil::replace(message, "\"" + path + "\"", "it", true);
+    for (const char* before : {"image file ", ""})
+        message = OIIO::Strutil::replace(message, before + ("\"" + path) + "\"", "it", true);
     while (!message.empty() && (message.back() == '\n' || message.back() == ' '))
         message.pop_back();
     message = OIIO::Strutil::replace(message, "\n", "; ", true);
