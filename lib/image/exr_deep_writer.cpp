@@ -67,6 +67,7 @@ struct DeepWriter::State {
                 throw NodeError(options.path + ": EXR holds half and float, not " + options.type);
             types.push_back(type == OIIO::TypeHalf ? Imf::HALF : Imf::FLOAT);
         }
+        names = full_names(options.path, options.layer, desc.channels);
         const std::string layer = options.layer.empty() ? "" : options.layer + ": ";
         notes.push_back(options.path + ": " + layer + join_names(desc.channels) + " written, deep");
     }
@@ -74,7 +75,7 @@ struct DeepWriter::State {
     Imf::Compression choose_compression() const
     {
         if (!options.compression.empty()) {
-            const Imf::Compression c = compression_named(options.path, options.compression);
+            const Imf::Compression c = compression_named(options.path, options.compression).method;
             if (!holds_deep(c))
                 throw NodeError(options.path +
                                 ": a deep EXR is compressed with none, rle or zips, not '" +
@@ -116,9 +117,7 @@ struct DeepWriter::State {
     void open()
     {
         OIIO::ImageSpec spec = header_without_channels(desc);
-        for (const std::string& name : desc.channels)
-            full_names.push_back(options.layer.empty() ? name : options.layer + "." + name);
-        spec.channelnames = full_names;
+        spec.channelnames = names;
         drop_orphaned_manifests(spec);
         Imf::Header header = header_of(spec, options.path);
         const auto box = [](const Region& r) {
@@ -130,7 +129,7 @@ struct DeepWriter::State {
         header.lineOrder() = Imf::INCREASING_Y;
         header.channels() = Imf::ChannelList();
         for (std::size_t i = 0; i < types.size(); ++i)
-            header.channels().insert(full_names[i].c_str(), Imf::Channel(types[i]));
+            header.channels().insert(names[i].c_str(), Imf::Channel(types[i]));
         header.setType(Imf::DEEPSCANLINE);
         file = std::make_unique<AtomicFile>(options.path);
         stream.emplace(*file);
@@ -202,7 +201,7 @@ struct DeepWriter::State {
                                                        width * sizeof(std::uint32_t)));
         const std::ptrdiff_t offset = band.x0 + static_cast<std::ptrdiff_t>(band.y0) * band.width();
         for (std::size_t c = 0; c < types.size(); ++c)
-            buffer.insert(full_names[c].c_str(),
+            buffer.insert(names[c].c_str(),
                           Imf::DeepSlice(
                               types[c], reinterpret_cast<char*>(pointers[c].data() - offset),
                               sizeof(char*), width * sizeof(char*), types[c] == Imf::HALF ? 2 : 4));
@@ -220,7 +219,7 @@ struct DeepWriter::State {
     WriteOptions options;
     Imf::Compression compression = Imf::ZIPS_COMPRESSION;
     std::vector<Imf::PixelType> types;
-    std::vector<std::string> full_names, notes;
+    std::vector<std::string> names, notes;
     WriteCounts counts;
     std::unique_ptr<AtomicFile> file;
     std::optional<AtomicStream> stream;

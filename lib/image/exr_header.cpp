@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <optional>
 
 namespace rayloom
@@ -36,35 +37,104 @@ std::optional<Start> read_start(std::istream& in)
                      0};
 }
 
-/// The next name of a header. Nothing where the file ends, or no name is that long.
-std::optional<std::string> read_name(std::istream& in)
+/// A reader of the bytes of a header; what it returns is empty where they end.
+class Bytes
 {
-    constexpr std::size_t longest = 255;
-    std::string name;
-    for (int c = in.get(); c > 0; c = in.get()) {
-        name += static_cast<char>(c);
-        if (name.size() > longest) return std::nullopt;
-    }
-    if (!in) return std::nullopt;
-    return name;
-}
+public:
+    explicit Bytes(std::istream& in) : m_in(in) {}
 
-std::optional<std::uint32_t> read_size(std::istream& in)
+    /// Text up to a zero. Nothing, too, where no name is that long.
+    std::optional<std::string> name()
+    {
+        constexpr std::size_t longest = 255;
+        std::string text;
+        for (int c = m_in.get(); c > 0; c = m_in.get()) {
+            text += static_cast<char>(c);
+            if (text.size() > longest) return std::nullopt;
+        }
+        if (!m_in) return std::nullopt;
+        return text;
+    }
+    std::optional<std::uint32_t> number()
+    {
+        std::array<char, 4> bytes{};
+        if (!m_in.read(bytes.data(), bytes.size())) return std::nullopt;
+        std::uint32_t value = 0;
+        for (std::size_t i = bytes.size(); i-- > 0;)
+            value = value << 8 | static_cast<unsigned char>(bytes[i]);
+        return value;
+    }
+    std::uint64_t at() { return static_cast<std::uint64_t>(m_in.tellg()); }
+    void go_to(std::uint64_t at) { m_in.seekg(static_cast<std::streamoff>(at)); }
+
+private:
+    std::istream& m_in;
+};
+
+/// Bytes of a value, by its type, where all values have as many.
+const std::map<std::string, std::uint32_t, std::less<>> fixed_sizes = {{"box2f", 16},
+                                                                       {"box2i", 16},
+                                                                       {"chromaticities", 32},
+                                                                       {"compression", 1},
+                                                                       {"deepImageState", 1},
+                                                                       {"double", 8},
+                                                                       {"envmap", 1},
+                                                                       {"float", 4},
+                                                                       {"int", 4},
+                                                                       {"keycode", 28},
+                                                                       {"lineOrder", 1},
+                                                                       {"m33d", 72},
+                                                                       {"m33f", 36},
+                                                                       {"m44d", 128},
+                                                                       {"m44f", 64},
+                                                                       {"rational", 8},
+                                                                       {"tiledesc", 9},
+                                                                       {"timecode", 8},
+                                                                       {"v2d", 16},
+                                                                       {"v2f", 8},
+                                                                       {"v2i", 8},
+                                                                       {"v3d", 24},
+                                                                       {"v3f", 12},
+                                                                       {"v3i", 12}};
+
+/// Whether a value of that type has as many bytes as its field says, so that whoever reads the type
+/// ends where the next field begins.
+bool fits(Bytes& bytes, const std::string& type, std::uint32_t size)
 {
-    std::array<char, 4> bytes{};
-    if (!in.read(bytes.data(), bytes.size())) return std::nullopt;
-    std::uint32_t size = 0;
-    for (std::size_t i = bytes.size(); i-- > 0;)
-        size = size << 8 | static_cast<unsigned char>(bytes[i]);
-    return size;
+    if (const auto fixed = fixed_sizes.find(type); fixed != fixed_sizes.end())
+        return size == fixed->second;
+    const std::uint64_t end = bytes.at() + size;
+    if (type == "floatvector") return size % 4 == 0;
+    if (type == "chlist") { // names, each with 16 bytes; an empty one is the last
+        std::optional<std::string> name = bytes.name();
+        for (; name && !name->empty() && bytes.at() < end; name = bytes.name())
+            bytes.go_to(bytes.at() + 16);
+        return name && bytes.at() == end;
+    }
+    if (type == "stringvector") { // texts, each after its length
+        while (bytes.at() < end) {
+            const std::optional<std::uint32_t> length = bytes.number();
+            if (!length || bytes.at() > end || *length > end - bytes.at()) return false;
+            bytes.go_to(bytes.at() + *length);
+        }
+        return true;
+    }
+    if (type == "preview") { // width, height, four bytes a pixel
+        const std::optional<std::uint32_t> width = bytes.number(), height = bytes.number();
+        return width && height && *width < 1u << 15 && *height < 1u << 15 &&
+               size == 8 + 4 * *width * *height;
+    }
+    return true;
 }
 
 // OpenEXR makes room for a text of the length its header gives, up to 2 GiB, and clears it, before
-// it reads. Walks over the fields of all headers, each a name, a type, a size and a value.
+// it reads; and it reads a value by its type, whatever size the field has. Walks over the fields of
+// all headers, each a name, a type, a size and a value.
 std::string field_complaint(std::istream& in, bool several_parts, std::uint64_t file_bytes)
 {
+    Bytes bytes(in);
     for (bool first_field = true;;) {
-        const std::optional<std::string> name = read_name(in);
+        const std::optional<std::string> name = bytes.name();
         if (!name) return "";
         if (name->empty()) { // the end of a header; one without fields ends them all
             if (first_field || !several_parts) return "";
@@ -72,25 +142,26 @@ std::string field_complaint(std::istream& in, bool several_parts, std::uint64_t 
             continue;
         }
         first_field = false;
-        const std::optional<std::string> type = read_name(in);
-        const std::optional<std::uint32_t> size = type ? read_size(in) : std::nullopt;
+        const std::optional<std::string> type = bytes.name();
+        const std::optional<std::uint32_t> size = type ? bytes.number() : std::nullopt;
         if (!size) return "";
-        const std::uint64_t left = file_bytes - static_cast<std::uint64_t>(in.tellg());
-        if (*size > left) {
-            const bool printable =
-                std::ranges::all_of(*name, [](char c) { return c >= ' ' && c <= '~'; });
-            return "its header promises " + std::to_string(*size) + " bytes of " +
-                   (printable ? "'" + *name + "'" : "a field") +
+        const bool printable =
+            std::ranges::all_of(*name, [](char c) { return c >= ' ' && c <= '~'; });
+        const std::string field = printable ? "'" + *name + "'" : "a field";
+        const std::uint64_t begin = bytes.at();
+        if (*size > file_bytes - std::min(begin, file_bytes))
+            return "its header promises " + std::to_string(*size) + " bytes of " + field +
                    ", more than the file has; it is corrupt or was cut short";
-        }
-        in.ignore(*size);
+        if (!fits(bytes, *type, *size))
+            return "its header gives " + field + " " + std::to_string(*size) +
+                   " bytes, which is not what is in it; the file is corrupt";
+        bytes.go_to(begin + *size);
     }
 }
 
-// OpenEXR asks for memory for whole tiles, several a
-// thread, as soon as a tiled part is opened, however little of them the picture fills. No writer
-// makes tiles of more than four times the picture (a side rounded up to a power of two at most
-// doubles), unless they are small.
+// OpenEXR asks for memory for whole tiles, several a thread, as soon as a tiled part is opened,
+// however little of them the picture fills. No writer makes tiles of more than four times the
+// picture (a side rounded up to a power of two at most doubles), unless they are small.
 std::string tile_complaint(const Imf::Header& header)
 {
     constexpr double small = 64 << 20; // 2048x2048 pixels of four floats

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <vector>
 
 namespace rayloom
@@ -25,6 +26,8 @@ OIIO::TypeDesc default_exr_type(const std::string& channel)
         std::any_of(colour.begin(), colour.end(), [&](const char* c) { return channel == c; });
     return is_colour ? OIIO::TypeHalf : OIIO::TypeFloat;
 }
+
+constexpr float most_dwa_level = 1e5f;
 
 // Header attributes that speak of the file they came from rather than of the picture.
 void drop_file_attributes(OIIO::ImageSpec& spec)
@@ -60,16 +63,47 @@ std::optional<OIIO::TypeDesc> source_type(const ImageDesc& desc, const std::stri
     return desc.header->channelformat(static_cast<int>(it - names.begin()));
 }
 
-Imf::Compression compression_named(const std::string& path, const std::string& compression)
+ExrCompression compression_named(const std::string& path, const std::string& compression)
 {
     static const std::vector<std::string> names = {"none",  "rle", "zips", "zip",  "piz",
                                                    "pxr24", "b44", "b44a", "dwaa", "dwab"};
-    const std::string name = compression.substr(0, compression.find(':'));
+    const std::size_t colon = compression.find(':');
+    const std::string name = compression.substr(0, colon);
     const auto it = std::find(names.begin(), names.end(), name);
     if (it == names.end())
         throw NodeError(path + ": there is no compression '" + name + "'" +
                         suggestion(name, names));
-    return static_cast<Imf::Compression>(it - names.begin());
+    ExrCompression found{static_cast<Imf::Compression>(it - names.begin()), {}};
+    if (colon == std::string::npos) return found;
+    const std::string level = compression.substr(colon + 1);
+    const bool zip = name == "zip" || name == "zips", dwa = name == "dwaa" || name == "dwab";
+    const float value =
+        OIIO::Strutil::string_is_float(level) ? OIIO::Strutil::stof(level) : std::nanf("");
+    if (!zip && !dwa) throw NodeError(path + ": compression '" + name + "' has no levels");
+    if (zip ? !(value >= 1 && value <= 9 && value == std::floor(value))
+            : !(value >= 0 && value <= most_dwa_level))
+        throw NodeError(path + ": '" + level + "' is no level of compression '" + name +
+                        "': it has " + (zip ? "1 to 9" : "0 to 100000; 45 is usual"));
+    found.level = value;
+    return found;
+}
+
+std::vector<std::string> full_names(const std::string& path, const std::string& layer,
+                                    const std::vector<std::string>& channels)
+{
+    constexpr std::size_t longest = 255;
+    std::vector<std::string> names;
+    for (const std::string& channel : channels) {
+        names.push_back(layer.empty() ? channel : layer + "." + channel);
+        const std::string& name = names.back();
+        if (name.size() > longest)
+            throw NodeError(path + ": channel name '" + name.substr(0, 20) + "…' has " +
+                            std::to_string(name.size()) + " bytes; an EXR holds " +
+                            std::to_string(longest));
+        if (std::find(names.begin(), names.end() - 1, name) != names.end() - 1)
+            throw NodeError(path + ": there are two channels named '" + name + "'");
+    }
+    return names;
 }
 
 OIIO::TypeDesc exr_type(const ImageDesc& desc, const std::string& channel, const std::string& path,

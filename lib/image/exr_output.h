@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace rayloom
 {
@@ -45,8 +46,19 @@ std::optional<OIIO::TypeDesc> source_type(const ImageDesc& desc, const std::stri
 OIIO::TypeDesc exr_type(const ImageDesc& desc, const std::string& channel, const std::string& path,
                         const std::string& type);
 
-/// A compression by the name users know it by ("dwaa:45"). Throws NodeError for an unknown name.
-Imf::Compression compression_named(const std::string& path, const std::string& compression);
+struct ExrCompression {
+    Imf::Compression method = Imf::ZIP_COMPRESSION;
+    std::optional<float> level; ///< of zip and zips (1 to 9), of dwaa and dwab (more loses more)
+};
+
+/// A compression by the name users know it by ("dwaa:45"). Throws NodeError for an unknown name, or
+/// a level that it does not have.
+ExrCompression compression_named(const std::string& path, const std::string& compression);
+
+/// The names of channels under a layer, which may be empty. Throws NodeError where an EXR would not
+/// hold them: names of more than 255 bytes, which OpenEXR cuts, or the same name twice.
+std::vector<std::string> full_names(const std::string& path, const std::string& layer,
+                                    const std::vector<std::string>& channels);
 
 /// The image's header without what speaks of the file it came from, with its windows and without
 /// channels.

@@ -7,6 +7,7 @@
 #include "rayloom/image/exr_output.h"
 #include "rayloom/image/exr_reader.h"
 #include "rayloom/image/half.h"
+#include "rayloom/image/image_input.h"
 #include "rayloom/image/renderer_map.h"
 
 #include <OpenEXR/ImfChannelList.h>
@@ -116,9 +117,10 @@ struct ImageWriter::State {
 
     [[noreturn]] void fail(const std::string& why)
     {
-        const std::string message = file && !file->failure().empty()
-                                        ? file->failure()
-                                        : options.path + ": cannot be written: " + why;
+        const std::string message =
+            file && !file->failure().empty()
+                ? file->failure()
+                : options.path + ": cannot be written: " + plain_message(why, options.path);
         close();
         file.reset();
         throw OutputError(message);
@@ -186,9 +188,15 @@ struct NewFile final : Base {
         if (!exr && probe.supports("alpha") == 0 && desc.alpha() >= 0 && desc.channel_count() > 1)
             kept.erase(kept.begin() + desc.alpha());
         spec.nchannels = static_cast<int>(kept.size());
+        if (exr) {
+            spec.channelnames = full_names(options.path, options.layer, desc.channels);
+        } else if (!options.layer.empty()) {
+            throw NodeError(options.path + ": layer '" + options.layer +
+                            "' can be written to EXR alone");
+        }
         for (std::size_t i = 0; i < kept.size(); ++i) {
             const std::string& name = desc.channels[static_cast<std::size_t>(kept[i])];
-            spec.channelnames.push_back(options.layer.empty() ? name : options.layer + "." + name);
+            if (!exr) spec.channelnames.push_back(name);
             if (kept[i] == desc.alpha()) spec.alpha_channel = static_cast<int>(i);
             if (exr) types.push_back(exr_type(desc, name, options.path, options.type));
         }
@@ -409,8 +417,7 @@ struct MergedFile final : Base {
                 throw NodeError(options.template_path + ": has no part that holds " +
                                 desc.data.text() + " to add layer '" + options.layer + "' to");
         }
-        for (const std::string& name : desc.channels)
-            full_names.push_back(prefix.empty() ? name : prefix + "." + name);
+        names = full_names(options.path, prefix, desc.channels);
     }
 
     void describe()
@@ -420,8 +427,7 @@ struct MergedFile final : Base {
                 l.address().empty() ? join_names(l.channel_names) : l.address();
             std::size_t gone = 0;
             for (const std::string& n : l.full_names())
-                gone += l.part == part &&
-                        std::find(full_names.begin(), full_names.end(), n) != full_names.end();
+                gone += l.part == part && std::find(names.begin(), names.end(), n) != names.end();
             this->notes.push_back(options.path + ": " + name +
                                   (gone == 0 ? " passed through"
                                    : gone == l.channels.size()
@@ -463,10 +469,10 @@ struct MergedFile final : Base {
     {
         bool keeps_pixels = false;
         for (auto it = header.channels().begin(); it != header.channels().end(); ++it)
-            if (std::find(full_names.begin(), full_names.end(), it.name()) == full_names.end())
+            if (std::find(names.begin(), names.end(), it.name()) == names.end())
                 keeps_pixels = true;
-        for (std::size_t i = 0; i < full_names.size(); ++i) {
-            const Imf::Channel* there = header.channels().findChannel(full_names[i].c_str());
+        for (std::size_t i = 0; i < names.size(); ++i) {
+            const Imf::Channel* there = header.channels().findChannel(names[i].c_str());
             Imf::PixelType type = Imf::HALF;
             if (there != nullptr && options.type.empty())
                 type = there->type == Imf::HALF ? Imf::HALF : Imf::FLOAT;
@@ -476,10 +482,10 @@ struct MergedFile final : Base {
                         ? Imf::HALF
                         : Imf::FLOAT;
             types.push_back(type);
-            header.channels().insert(full_names[i].c_str(), Imf::Channel(type));
+            header.channels().insert(names[i].c_str(), Imf::Channel(type));
         }
         for (auto it = header.channels().begin(); it != header.channels().end(); ++it)
-            if (std::find(full_names.begin(), full_names.end(), it.name()) == full_names.end())
+            if (std::find(names.begin(), names.end(), it.name()) == names.end())
                 passed.push_back({it.name(), it.channel().type, {}});
         const Region& d = desc.data;
         header.dataWindow() = Imath::Box2i({d.x0, d.y0}, {d.x1 - 1, d.y1 - 1});
@@ -490,8 +496,14 @@ struct MergedFile final : Base {
             header.setTileDescription(tiles);
         }
         // Decoded once more, a lossy block would lose more: what is kept is kept exactly.
-        if (!options.compression.empty())
-            header.compression() = compression_named(options.path, options.compression);
+        if (!options.compression.empty()) {
+            const ExrCompression chosen = compression_named(options.path, options.compression);
+            header.compression() = chosen.method;
+            if (chosen.level && is_lossy(chosen.method))
+                header.dwaCompressionLevel() = *chosen.level;
+            else if (chosen.level)
+                header.zipCompressionLevel() = static_cast<int>(*chosen.level);
+        }
         if (keeps_pixels && is_lossy(header.compression()))
             header.compression() = Imf::ZIP_COMPRESSION;
     }
@@ -574,12 +586,12 @@ struct MergedFile final : Base {
                 for (int y = y0; y < y1; ++y)
                     pack_half(rows, c, y,
                               halves[i].data() + static_cast<std::size_t>(y - y0) * width, counts);
-                out.insert(full_names[i].c_str(),
+                out.insert(names[i].c_str(),
                            slice_of(Imf::HALF, halves[i].data(), r.x0, y0, 2, width * 2));
             } else {
                 for (int y = y0; y < y1; ++y) count_non_finite(rows.row_span(c, y), counts);
                 // OpenEXR's frame buffers are not const; writing only reads them.
-                out.insert(full_names[i].c_str(),
+                out.insert(names[i].c_str(),
                            slice_of(Imf::FLOAT, const_cast<float*>(rows.row(c, y0)), r.x0, y0, 4,
                                     static_cast<std::size_t>(rows.row_stride()) * 4));
             }
@@ -626,7 +638,7 @@ struct MergedFile final : Base {
     std::shared_ptr<const ImageFile> source;
     int part = 0;
     std::string replaced;
-    std::vector<std::string> full_names; ///< per channel of the image
+    std::vector<std::string> names; ///< per channel of the image
     std::vector<Imf::PixelType> types;
     std::vector<Passed> passed;
     bool tiled = false;

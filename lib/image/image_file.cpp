@@ -129,7 +129,9 @@ std::shared_ptr<const ImageFile> ImageFile::open(const std::string& path)
     file->m_format = input->format_name();
     const bool exr = file->m_format == "openexr";
     for (int i = 0; i < max_parts && input->seek_subimage(i, 0); ++i) {
-        const auto spec = std::make_shared<const OIIO::ImageSpec>(input->spec());
+        const auto spec = std::make_shared<OIIO::ImageSpec>(input->spec());
+        // FITS has more channels than names.
+        if (std::ssize(spec->channelnames) != spec->nchannels) spec->default_channel_names();
         PartInfo part;
         part.index = i;
         part.name =

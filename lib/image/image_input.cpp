@@ -35,6 +35,8 @@ struct stat file_status(const std::string& path)
     };
     if (::stat(path.c_str(), &status) != 0) fail_input(path, std::strerror(errno));
     if (S_ISDIR(status.st_mode)) fail_input(path, "is a folder, not an image");
+    // A pipe would be waited for, without an end, and cannot be read twice.
+    if (!S_ISREG(status.st_mode)) fail_input(path, "is a pipe or a device, not an image file");
     return status;
 }
 
@@ -59,6 +61,7 @@ std::unique_ptr<OIIO::ImageInput> open_input(const std::string& path)
     if (!input)
         fail_input(path,
                    "is not an image that can be read: " + plain_message(OIIO::geterror(), path));
+    input->geterror(); // what did not keep it from being opened is no error of its pixels
     return input;
 }
 

@@ -169,7 +169,8 @@ void RowDecoder::decode_blocks(const Region& blocks, const std::string& layer)
     } catch (const std::exception& e) {
         why = e.what();
     }
-    if (!ok) {
+    // Some readers (TIFF, JPEG) fill in what a file that was cut short lacks and call it read.
+    if (!ok || file.has_error()) {
         if (why.empty()) why = file.geterror();
         close(); // whatever state the decoder is in, the next try starts anew
         fail_rows(blocks.y0, std::min(blocks.y1, m_part.data.y1), layer, why);

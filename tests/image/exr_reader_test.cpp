@@ -7,6 +7,8 @@
 
 #include <bit>
 #include <fstream>
+#include <sys/stat.h>
+#include <tuple>
 
 namespace rayloom
 {
@@ -324,6 +326,77 @@ TEST(ImageReader, OtherFormats)
     }
 }
 
+// Readers of TIFF and JPEG fill in what is missing and say that all went well.
+TEST(ImageReader, OtherFormatsCutShortAreErrors)
+{
+    const TemporaryFolder folder;
+    const Region all{0, 0, 90, 70};
+    const auto read = [&](const std::string& path) {
+        return message_of([&] {
+            const auto file = ImageFile::open(path);
+            const ImageReader reader(file, find(*file, "", "RGB"));
+            ImageBuffer pixels(reader.desc().data, 3);
+            ASSERT_EQ(reader.desc().data, all);
+            reader.read(pixels.view());
+        });
+    };
+    std::vector<float> noise(all.pixels() * 3);
+    for (std::size_t i = 0; i < noise.size(); ++i)
+        noise[i] = static_cast<float>(pattern(0, 0, static_cast<int>(i), 3) & 0xffffu) / 65536.0f;
+    for (const auto& [name, compression, tile] : {std::tuple{"a.tif", "none", 0},
+                                                  {"a.tif", "zip", 0},
+                                                  {"a.tif", "lzw", 32},
+                                                  {"a.tif", "packbits", 0},
+                                                  {"a.jpg", "jpeg:95", 0},
+                                                  {"a.png", "", 0},
+                                                  {"a.bmp", "", 0},
+                                                  {"a.hdr", "", 0}}) {
+        const std::string path = folder.file(name), cut = folder.file(std::string("cut_") + name);
+        OIIO::ImageSpec spec(all.width(), all.height(), 3, OIIO::TypeUInt8);
+        spec.attribute("compression", compression);
+        spec.tile_width = spec.tile_height = tile;
+        auto out = OIIO::ImageOutput::create(path);
+        ASSERT_TRUE(out && out->open(path, spec)) << name;
+        ASSERT_TRUE(out->write_image(OIIO::TypeFloat, noise.data())) << out->geterror();
+        ASSERT_TRUE(out->close());
+        EXPECT_EQ(read(path), "") << name << compression;
+        const std::vector<char> whole = bytes_of(path);
+        for (const std::size_t percent : {5u, 30u, 60u, 95u}) {
+            std::ofstream(cut, std::ios::binary)
+                .write(whole.data(), static_cast<std::streamsize>(whole.size() * percent / 100));
+            EXPECT_TRUE(contains(read(cut), cut)) << name << compression << percent;
+        }
+    }
+}
+
+// FITS names fewer channels than it has.
+TEST(ImageReader, ChannelsWithoutNamesGetThem)
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("a.fits");
+    OIIO::ImageSpec spec(9, 7, 3, OIIO::TypeFloat);
+    auto out = OIIO::ImageOutput::create(path);
+    ASSERT_TRUE(out && out->open(path, spec));
+    const std::vector<float> grey(9 * 7 * 3, 0.25f);
+    ASSERT_TRUE(out->write_image(OIIO::TypeFloat, grey.data()));
+    ASSERT_TRUE(out->close());
+    const auto file = ImageFile::open(path);
+    const ImageReader reader(file, find(*file, "", "RGB"));
+    ImageBuffer pixels(reader.desc().data, 3);
+    reader.read(pixels.view());
+    EXPECT_EQ(pixels.view().at(2, 8, 6), 0.25f);
+}
+
+// Whoever opened it would wait for a writer.
+TEST(ImageReader, PipesAndDevicesAreRefused)
+{
+    const TemporaryFolder folder;
+    const std::string pipe = folder.file("pipe.exr");
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    for (const std::string& path : {pipe, std::string("/dev/zero")})
+        EXPECT_TRUE(contains(message_of([&] { ImageFile::open(path); }), "a pipe or a device"));
+}
+
 TEST(ImageReader, TruncatedAnywhereIsAnErrorNeverACrash)
 {
     const TemporaryFolder folder;
@@ -506,6 +579,43 @@ TEST(ImageReader, FieldsLongerThanTheFileAreRefused)
             }
         }
     }
+}
+
+// OpenEXR reads a value by its type and takes what comes next for the next field.
+TEST(ImageReader, FieldsOfAnotherSizeThanTheirValueAreRefused)
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("a.exr");
+    Part part{"", {{"R"}, {"G"}}, 0, 0, 20, 20};
+    part.header = [](OIIO::ImageSpec& spec) {
+        const char* views[] = {"left", "right"};
+        spec.attribute("multiView", OIIO::TypeDesc(OIIO::TypeDesc::STRING, 2), views);
+        spec.attribute("weights", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 7),
+                       std::vector<float>(7, 1.0f).data());
+    };
+    write_exr(path, {part});
+    std::string bytes;
+    for (const char c : bytes_of(path)) bytes += c;
+    const auto opened = [&] {
+        std::ofstream(path, std::ios::binary).write(bytes.data(), std::ssize(bytes));
+        return message_of([&] { ImageFile::open(path); });
+    };
+    EXPECT_EQ(opened(), "");
+    for (const std::string& field :
+         {std::string("channels\0chlist\0", 16), std::string("dataWindow\0box2i\0", 17),
+          std::string("multiView\0stringvector\0", 23),
+          std::string("screenWindowWidth\0float\0", 24)}) {
+        const std::size_t at = bytes.find(field);
+        ASSERT_NE(at, std::string::npos) << field;
+        char& size = bytes[at + field.size()];
+        for (const int by : {1, -1}) {
+            size = static_cast<char>(size + by);
+            const std::string message = opened();
+            EXPECT_TRUE(contains(message, "which is not what is in it")) << field << message;
+            size = static_cast<char>(size - by);
+        }
+    }
+    EXPECT_EQ(opened(), "");
 }
 
 // OpenEXR checks nothing else in their header, and OpenImageIO ends the process at a channel whose

@@ -388,6 +388,57 @@ TEST(ImageWriter, PlacesThatCannotBeWritten)
     EXPECT_THROW(writer.commit(), OutputError);
 }
 
+// OpenEXR cuts names at 255 bytes: channels of one long layer would become one.
+TEST(ImageWriter, NamesAnExrCannotHoldAreRefused)
+{
+    const TemporaryFolder folder;
+    const auto refused = [&](std::vector<std::string> channels, const std::string& layer,
+                             const char* file) {
+        const ImageDesc desc = ramp_image({0, 0, 4, 4}, std::move(channels)).desc;
+        const std::string path = folder.file(file);
+        return message_of([&] { ImageWriter(desc, {path, "", "", layer, ""}); });
+    };
+    EXPECT_EQ(refused({"R", "G"}, std::string(253, 'l'), "a.exr"), "");
+    EXPECT_TRUE(contains(refused({"R", "G"}, std::string(254, 'l'), "a.exr"), "256 bytes"));
+    EXPECT_TRUE(contains(refused({"R", "G", "R"}, "", "a.exr"), "two channels named 'R'"));
+    EXPECT_TRUE(contains(refused({"R", "G", "B"}, "l", "a.png"), "'l' can be written to EXR"));
+    // In the place of another layer, too.
+    write_exr(folder.file("whole.exr"), {{"", {{"R"}, {"G"}}, 0, 0, 4, 4}});
+    const ImageDesc desc = ramp_image({0, 0, 4, 4}, {"R", "G"}).desc;
+    const std::string whole = folder.file("whole.exr");
+    const std::string message = message_of([&] {
+        ImageWriter(desc, {folder.file("b.exr"), "", "", std::string(254, 'l'), whole});
+    });
+    EXPECT_TRUE(contains(message, "256 bytes")) << message;
+}
+
+TEST(ImageWriter, LevelsOfCompression)
+{
+    const TemporaryFolder folder;
+    write_exr(folder.file("whole.exr"), {{"", {{"R"}, {"G"}}, 0, 0, 40, 40}});
+    Image image = ramp_image({0, 0, 40, 40}, {"R", "G"});
+    const auto bytes = [&](const std::string& compression, const char* whole) {
+        const std::string path = folder.file("a.exr");
+        ImageWriter writer(image.desc,
+                           {path, "", compression, "", *whole != 0 ? folder.file(whole) : ""});
+        write_in_bands(writer, image, 40);
+        writer.commit();
+        return bytes_of(path);
+    };
+    const auto refused = [&](const std::string& compression) {
+        return message_of([&] {
+            ImageWriter(image.desc, {folder.file("a.exr"), "", compression, "", ""});
+        });
+    };
+    for (const char* whole : {"", "whole.exr"})
+        EXPECT_LT(bytes("dwaa:5000", whole).size(), bytes("dwaa:1", whole).size()) << whole;
+    for (const char* good : {"zip:9", "zips:1", "dwab:0.5", "piz"}) EXPECT_EQ(refused(good), "");
+    for (const char* bad :
+         {"zip:999", "zip:0", "zip:2.5", "zips:", "dwaa:-5", "dwaa:1e30", "dwab:nan", "dwab:much"})
+        EXPECT_TRUE(contains(refused(bad), "is no level of compression")) << bad;
+    EXPECT_TRUE(contains(refused("piz:3"), "has no levels"));
+}
+
 // A limit on file size stands in for a full disk: writes fail the same way.
 class SmallDisk
 {
