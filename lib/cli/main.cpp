@@ -42,6 +42,13 @@ std::string command_line(int argc, char** argv)
     return out;
 }
 
+/// A full disk behind a redirection is an error like any other.
+void flush_output()
+{
+    if (!std::cout.flush() || std::fflush(stdout) != 0)
+        throw rayloom::OutputError("standard output cannot be written");
+}
+
 } // namespace
 
 int main(int argc, char** argv)
@@ -66,19 +73,18 @@ int main(int argc, char** argv)
         return rayloom::cli::usage_message(app, e, {argv + 1, argv + argc});
     });
     try {
-        app.parse(argc, argv);
-    } catch (const CLI::ParseError& e) {
-        const int code = app.exit(e);
-        return code == 0 ? 0 : 2;
-    }
-    try {
+        try {
+            app.parse(argc, argv);
+        } catch (const CLI::ParseError& e) { // help, too
+            const int code = app.exit(e);
+            flush_output();
+            return code == 0 ? 0 : 2;
+        }
         if (const char* folders = std::getenv("RAYLOOM_PLUGINS"))
             rayloom::Registry::instance().load_plugins(folders);
         if (!simd.empty()) rayloom::use_simd_target(simd);
         const int code = action();
-        // A full disk behind a redirection is an error like any other.
-        if (!std::cout.flush() || std::fflush(stdout) != 0)
-            throw rayloom::OutputError("standard output cannot be written");
+        flush_output();
         return code;
     } catch (const rayloom::Error& e) {
         std::cerr << "rayloom: " << e.what() << "\n";

@@ -53,12 +53,13 @@ class Mapping
 public:
     static std::unique_ptr<Mapping> read(const std::string& path)
     {
-        const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+        // Not to wait where somebody made a pipe of that name.
+        const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
         if (fd < 0) return nullptr;
         struct stat info {
         };
         std::unique_ptr<Mapping> m;
-        if (::fstat(fd, &info) == 0 && info.st_size > 0)
+        if (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size > 0)
             m = map(fd, static_cast<std::size_t>(info.st_size), PROT_READ);
         ::close(fd);
         return m;

@@ -413,11 +413,19 @@ FileDescription describe_layers(const std::string& path)
     return out;
 }
 
+// Names come from the file: what would steer the terminal, or end the line, is escaped.
+static std::string shown(const std::string& name)
+{
+    const bool plain_text = std::ranges::none_of(
+        name, [](char c) { return static_cast<unsigned char>(c) < ' ' || c == 0x7f; });
+    return plain_text ? name : json_quote(name);
+}
+
 std::string FileDescription::text() const
 {
     std::string out = path + ": " + format + ", layers as in " + renderer + " renders\n";
     for (const PartInfo& part : parts) {
-        out += part.name.empty() ? "  image" : "  part '" + part.name + "'";
+        out += part.name.empty() ? "  image" : "  part '" + shown(part.name) + "'";
         out += ": " + part.data.text();
         if (part.display != part.data) out += " in a display window of " + part.display.text();
         out += part.deep ? ", deep" : "";
@@ -430,12 +438,16 @@ std::string FileDescription::text() const
     }
     std::size_t name_width = 5, channel_width = 8, type_width = 4;
     const auto channel_text = [](const LayerDescription& l) {
-        if (l.channels.size() <= 6) return OIIO::Strutil::join(l.channels, " ");
-        return l.channels.front() + " … " + l.channels.back() + " (" +
-               std::to_string(l.channels.size()) + ")";
+        std::string names;
+        if (l.channels.size() > 6)
+            return shown(l.channels.front()) + " … " + shown(l.channels.back()) + " (" +
+                   std::to_string(l.channels.size()) + ")";
+        for (const std::string& name : l.channels)
+            names += (names.empty() ? "" : " ") + shown(name);
+        return names;
     };
     for (const LayerDescription& l : layers) {
-        name_width = std::max(name_width, l.layer.size());
+        name_width = std::max(name_width, shown(l.layer).size());
         channel_width = std::max(channel_width, channel_text(l).size());
         type_width = std::max(type_width, l.types.size());
     }
@@ -451,7 +463,7 @@ std::string FileDescription::text() const
     };
     line("layer", "channels", "type", "understood as");
     for (const LayerDescription& l : layers)
-        line(l.layer, channel_text(l), l.types,
+        line(shown(l.layer), channel_text(l), l.types,
              l.roles.empty() ? "-" : OIIO::Strutil::join(l.roles, ", "));
     return out;
 }

@@ -439,9 +439,12 @@ TEST_F(Command, SlipsOnTheCommandLineAreUnderstood)
 
 TEST_F(Command, WhatCannotBePrintedIsAnError)
 {
-    const CommandResult r = run_command(
-        {"sh", "-c", test::build_folder().string() + "/bin/rayloom nodes > /dev/full"}, folder());
-    EXPECT_EQ(r.exit_code, 4) << r.err;
+    for (const char* what : {"nodes", "--help", "--version", "run --help"}) {
+        const CommandResult r = run_command(
+            {"sh", "-c", test::build_folder().string() + "/bin/rayloom " + what + " > /dev/full"},
+            folder());
+        EXPECT_EQ(r.exit_code, 4) << what << ": " << r.err;
+    }
 }
 
 TEST_F(Command, FiguresGoToJsonOrToADevice)

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <sys/stat.h>
 
 namespace rayloom::test
 {
@@ -81,6 +82,12 @@ TEST(Cache, AResultThatIsUsedAgainStays)
     run("3");
     trim_cache(folder.path(), fs::file_size(folder.file(first.front())));
     EXPECT_EQ(folder.names(), first);
+    // A pipe of that name is not waited for, and the result is written again.
+    const std::string entry = folder.file(first.front());
+    fs::remove(entry);
+    ASSERT_EQ(::mkfifo(entry.c_str(), 0600), 0);
+    EXPECT_EQ(run("3"), first);
+    EXPECT_TRUE(fs::is_regular_file(entry));
 }
 
 } // namespace

@@ -117,6 +117,16 @@ TEST(RendererMap, MistakesHaveTheirPlace)
               std::string::npos);
 }
 
+TEST(RendererMap, NamesDoNotSteerTheTerminal)
+{
+    const TemporaryFolder folder;
+    const std::string path = folder.file("a.exr");
+    write_exr(path, {{"", channels({"a\x1b[31m.R", "b\nc.R"}), 0, 0, 4, 4}});
+    const std::string text = describe_layers(path).text();
+    EXPECT_EQ(text.find('\x1b'), std::string::npos) << text;
+    EXPECT_NE(text.find("\"b\\nc\""), std::string::npos) << text;
+}
+
 TEST(RendererMap, DescriptionOfAFile)
 {
     const FileDescription d = describe_layers(cycles_file);
