@@ -19,6 +19,7 @@ namespace
 /// Figures that are errors: 0 is best and a ratio of two says which image is better.
 constexpr const char* error_figures[] = {"rmse",          "relmse", "relmse_trimmed", "smape",
                                          "max_abs_error", "flip",   "hdr_flip"};
+constexpr const char* not_finite = "non_finite_pixels"; // left out of all other figures
 /// Figures that are better the higher they are.
 constexpr const char* merit_figures[] = {"psnr", "psnr_clamped", "ssim"};
 
@@ -116,6 +117,7 @@ Comparison compare_images(ConstImageView a, ConstImageView b, ConstImageView ref
 ErrorLimit parse_error_limit(std::string_view text)
 {
     std::vector<std::string> names(std::begin(error_figures), std::end(error_figures));
+    names.emplace_back(not_finite);
     names.insert(names.end(), std::begin(merit_figures), std::end(merit_figures));
     const std::size_t equals = text.find('=');
     if (equals == std::string_view::npos)
@@ -150,6 +152,12 @@ std::vector<std::string> broken_limits(const ErrorMeasures& measures,
                           (merit ? ", below its limit " : ", above its limit ") +
                           number_text(limit.value));
     }
+    const bool asked = std::ranges::any_of(
+        limits, [](const ErrorLimit& limit) { return limit.measure == not_finite; });
+    if (!limits.empty() && !asked && measures.non_finite_pixels > 0)
+        out.push_back(std::to_string(measures.non_finite_pixels) +
+                      " pixels that are not finite were left out; " + not_finite +
+                      "=N would allow so many");
     return out;
 }
 

@@ -46,7 +46,8 @@ struct ErrorLimit {
 /// Reads "flip=0.05": psnr, psnr_clamped and ssim are lower limits, the rest upper ones. Throws
 /// UsageError that lists the measures.
 ErrorLimit parse_error_limit(std::string_view text);
-/// One line for each limit that does not hold; a measure without a value breaks its limit.
+/// One line for each limit that does not hold; a measure without a value breaks its limit. Pixels
+/// that are not finite, which no measure sees, break any unless they have a limit of their own.
 std::vector<std::string> broken_limits(const ErrorMeasures& measures,
                                        std::span<const ErrorLimit> limits);
 

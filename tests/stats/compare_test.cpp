@@ -8,6 +8,8 @@
 #include <yaml-cpp/yaml.h>
 
 #include <cmath>
+#include <limits>
+#include <vector>
 
 namespace rayloom
 {
@@ -72,6 +74,19 @@ TEST(Compare, LimitsAreReadAndHeld)
     EXPECT_EQ(broken_limits(m, broken).size(), 3u);
     ErrorMeasures nothing;
     EXPECT_EQ(broken_limits(nothing, held).size(), 3u);
+}
+
+TEST(Compare, PixelsThatAreNotFiniteBreakALimit)
+{
+    ImageBuffer a = grey(0.6f);
+    a.view().at(1, 3, 4) = std::numeric_limits<float>::quiet_NaN();
+    const ImageBuffer b = grey(0.5f);
+    const ErrorMeasures m = measure_errors(a.view(), b.view());
+    EXPECT_TRUE(broken_limits(m, {}).empty());
+    EXPECT_EQ(broken_limits(m, std::vector<ErrorLimit>{{"rmse", 10}}).size(), 1u);
+    const ErrorLimit one = parse_error_limit("non_finite_pixels=1"), none{one.measure, 0.0};
+    EXPECT_TRUE(broken_limits(m, std::vector{one}).empty());
+    EXPECT_EQ(broken_limits(m, std::vector{none}).size(), 1u);
 }
 
 TEST(Compare, PictureSpreadsTheErrorsAndIgnoresOneFireFly)

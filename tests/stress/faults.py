@@ -28,6 +28,7 @@ GRAPH = "ray-histogram-fusion-stack"
 STACK = f"stack={SCENE}/stack/s%02d.exr@1-4"
 EARLIER = b"the earlier file"
 NOBODY = 65534
+PLAIN_FORMATS = ["tif", "jpg", "png", "hdr", "tga"]
 
 # A median over a wide window: seconds of code between two looks at the clock.
 SLOW = """rayloom: 1
@@ -390,27 +391,51 @@ def truncated(bench):
             r.expect({3}, f"{whole.name} cut at {size}")
             expect("cut.exr" in r.err, f"{whole.name} cut at {size}: the file is not named")
             expect_earlier(bench.folder / "out.exr", f"{whole.name} cut at {size}")
+    for name in PLAIN_FORMATS:
+        whole = plain_render(bench, name)
+        # Where less than a row is missing a reader may have every pixel all the same.
+        sizes = range(0, len(whole) * 95 // 100, max(1, len(whole) // (40 if bench.soak else 3)))
+        for size in sizes:
+            cut = f"cut.{name}"
+            (bench.folder / cut).write_bytes(whole[:size])
+            (bench.folder / "out.exr").write_bytes(EARLIER)
+            bench.fault()
+            r = bench.run("run", "copy.yaml", "-i", f"color={cut}", "-o", "image=out.exr", "-q")
+            r.expect({3}, f"{name} of {len(whole)} bytes cut at {size}")
+            expect(cut in r.err, f"{name} cut at {size}: the file is not named")
+            expect_earlier(bench.folder / "out.exr", f"{name} cut at {size}")
+
+
+def plain_render(bench, ending):
+    """The render in a format without layers."""
+    name = f"whole.{ending}"
+    bench.run("run", "copy.yaml", "-i", f"color={RENDER}", "-o", f"image={name}", "-q").expect({0}, name)
+    return (bench.folder / name).read_bytes()
 
 
 def damaged(bench):
     """An input with random bytes changed: refused, or read; never a crash."""
-    data = RENDER.read_bytes()
-    for i in range(2000 if bench.soak else 20):
+    exr = RENDER.read_bytes()
+    plain = {name: plain_render(bench, name) for name in PLAIN_FORMATS}
+    for i in range(2400 if bench.soak else 24):
+        kind = "exr" if i % 6 else PLAIN_FORMATS[i // 6 % len(PLAIN_FORMATS)]
+        data = exr if i % 6 else plain[kind]
         bad = bytearray(data)
         place = bench.random.randrange(min(len(bad), 1200) if i % 2 else len(bad))
         for k in range(bench.random.choice([1, 1, 4, 32])):
             bad[(place + k) % len(bad)] = bench.random.randrange(256)
-        (bench.folder / "bad.exr").write_bytes(bad)
+        (bench.folder / f"bad.{kind}").write_bytes(bad)
         (bench.folder / "out.exr").unlink(missing_ok=True)
         bench.fault()
 
         def limit():
             resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        r = bench.run("run", "copy.yaml", "-i", "color=bad.exr", "-o", "image=out.exr", "-q", before=limit)
+        r = bench.run("run", "copy.yaml", "-i", f"color=bad.{kind}", "-o", "image=out.exr", "-q", before=limit)
         if r.code not in (0, 2, 3, 5):
-            shutil.copy(bench.folder / "bad.exr", pathlib.Path(tempfile.gettempdir()) / "rayloom-crash.exr")
-        r.expect({0, 2, 3, 5}, f"damage {i} at byte {place}, kept as rayloom-crash.exr")
+            shutil.copy(bench.folder / f"bad.{kind}",
+                        pathlib.Path(tempfile.gettempdir()) / f"rayloom-crash.{kind}")
+        r.expect({0, 2, 3, 5}, f"damage {i} at byte {place}, kept as rayloom-crash.{kind}")
         expect((bench.folder / "out.exr").exists() == (r.code == 0), f"damage {i}: exit code {r.code}")
 
 
