@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 namespace rayloom
 {
@@ -32,16 +33,17 @@ void BandMoments::add(std::span<const float> values, std::span<double> sums)
     // Eight partial sums keep several additions going, and give the same bits however wide vectors
     // are.
     constexpr std::size_t lanes = 8;
+    constexpr float most = std::numeric_limits<float>::max();
     std::array<double, lanes> second{}, fourth{};
     std::array<float, lanes> greatest{};
     std::array<std::int32_t, lanes> zeros{};
     const auto add = [&](std::size_t k, float v) {
-        const double square = static_cast<double>(v) * v;
-        const float size = std::fabs(v);
+        const float size = std::fabs(v) <= most ? std::fabs(v) : 0.0f;
+        const double square = static_cast<double>(size) * size;
         second[k] += square;
         fourth[k] += square * square;
         greatest[k] = size > greatest[k] ? size : greatest[k];
-        zeros[k] += v == 0.0f;
+        zeros[k] += size == 0.0f;
     };
     const std::size_t n = values.size();
     std::size_t i = 0;
@@ -82,7 +84,7 @@ void SizeCounts::add(std::span<const float> values, std::span<double> sums)
     for (const float v : values) {
         const auto bin = (std::bit_cast<std::int32_t>(std::fabs(v)) >> bin_shift) - first_bin;
         counts[static_cast<std::size_t>(std::clamp(bin, 0, static_cast<std::int32_t>(size) - 1))] +=
-            v != 0.0f;
+            v != 0.0f && std::isfinite(v);
     }
     for (std::size_t i = 0; i < size; ++i) sums[i] += counts[i];
 }

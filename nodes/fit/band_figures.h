@@ -23,7 +23,7 @@ Region over_image(const SteerableBand& band, const Region& window);
 
 /// Sums over values v that are zero in the mean: Σ1, Σv², Σv⁴, max |v|. Values that are exactly
 /// zero are not counted: they are flat parts of the image (a black background), where there is
-/// nothing to tell signal from noise by.
+/// nothing to tell signal from noise by; nor are values that are not finite.
 struct BandMoments {
     static constexpr std::size_t size = 4;
     static void add(std::span<const float> values, std::span<double> sums);
@@ -36,7 +36,8 @@ struct BandMoments {
     double sampling_error() const;
 };
 
-/// Counts of values by size, exactly zero not counted: four bins an octave from 2^−24 to 2^8.
+/// Counts of values by size, those that are exactly zero or not finite not counted: four bins an
+/// octave from 2^−24 to 2^8.
 struct SizeCounts {
     static constexpr std::size_t size = 128;
     static void add(std::span<const float> values, std::span<double> sums);

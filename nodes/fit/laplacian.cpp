@@ -26,9 +26,9 @@ public:
                  "noise\"); shapes are kept in [0.3, 4], and the table says where one was held "
                  "there. Without noise figures the band itself is fitted. Coefficients that are "
                  "exactly "
-                 "zero (a black background) are not counted.")
+                 "zero (a black background) or not finite are not counted.")
             .source("001_6a300dc64642895d.txt, equations (12), (16)-(18)")
-            .version(2)
+            .version(3)
             .accuracy("s and p within 2 % from 10⁶ independent values.")
             .example("rayloom: 1\n"
                      "name: fit-laplacian-example\n"

@@ -89,10 +89,10 @@ void FitNoise::describe(Declaration<Params>& d)
              "`least_shape`: the long tails (p of 0.4 to 1.3 on renders) are those of a strength "
              "that varies, not of the noise at any one place. Where it varies much, divide bands "
              "and difference by a map of it first (fit.noise_map). Coefficients that are exactly "
-             "zero (a black background) are not counted.\n\n"
+             "zero (a black background) or not finite are not counted.\n\n"
              "The low-pass has no noise figures: it is not cored. `kurtosis` is as measured.")
         .source("001_6a300dc64642895d.txt, section 3; auto: MATH.md, section 3")
-        .version(4)
+        .version(5)
         .accuracy("Deviation and kurtosis within 2 % from 10⁶ independent values.")
         .example("rayloom: 1\n"
                  "name: fit-noise-example\n"

@@ -31,11 +31,11 @@ public:
                  "sparse tails count as much as the crowded middle; compare only figures of equal "
                  "`bins` and `reach`. With `signal` the figures s_c and p_c are held against the "
                  "band (fit.laplacian without noise: a clean image's band, or a map of noise), "
-                 "with `noise` s_n and p_n. Values that are exactly zero (a black background) are "
+                 "with `noise` s_n and p_n. Values that are exactly zero (a black background) or "
                  "not "
-                 "counted.")
+                 "finite are not counted.")
             .source("001_6a300dc64642895d.txt, equation (3), Tables 1 and 2")
-            .version(2)
+            .version(3)
             .accuracy("Counts are exact; probabilities within 1e-12.")
             .example("rayloom: 1\n"
                      "name: band-fit-example\n"
@@ -85,7 +85,7 @@ public:
             for (int y = r.y0; y < r.y1; ++y)
                 for (const float v : std::span(band.ptr(static_cast<int>(c), r.x0, y),
                                                static_cast<std::size_t>(r.width()))) {
-                    if (v == 0.0f) continue;
+                    if (v == 0.0f || !std::isfinite(v)) continue;
                     const double at = (v + half) * scale;
                     if (at >= 0.0 && at < m_params.bins) to[static_cast<std::size_t>(at)] += 1.0;
                     to[values() - 1] += 1.0;

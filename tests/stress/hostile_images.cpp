@@ -5,6 +5,7 @@
 #include "tests/support/made_up_input.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace rayloom::test
@@ -213,6 +214,45 @@ void set_pixels(MemoryImage& image, const PixelChange& value)
             }
 }
 
+namespace
+{
+
+/// Calls with each pixel and each sample: visit(x, y, value).
+void each_value(const RunRequest& request, const std::function<void(int, int, float)>& visit)
+{
+    for (const auto& [name, binding] : request.inputs) {
+        for (const auto& image : binding.images)
+            for (int c = 0; c < image->desc.channel_count(); ++c)
+                for (int y = image->desc.data.y0; y < image->desc.data.y1; ++y)
+                    for (int x = image->desc.data.x0; x < image->desc.data.x1; ++x)
+                        visit(x, y, image->pixels.view().at(c, x, y));
+        if (!binding.deep) continue;
+        const ImageDesc& desc = binding.deep->desc;
+        for (int c = 0; c < desc.channel_count(); ++c)
+            for (int y = desc.data.y0; y < desc.data.y1; ++y)
+                for (int x = desc.data.x0; x < desc.data.x1; ++x)
+                    for (const float v : samples_at(*binding.deep, c, x, y)) visit(x, y, v);
+    }
+}
+
+} // namespace
+
+bool has_negative_pixels(const RunRequest& request)
+{
+    bool any = false;
+    each_value(request, [&](int, int, float v) { any = any || (std::isfinite(v) && v < 0.0f); });
+    return any;
+}
+
+Region box_of_bad_pixels(const RunRequest& request)
+{
+    Region box;
+    each_value(request, [&](int x, int y, float v) {
+        if (!std::isfinite(v)) box = box.hull({x, y, x + 1, y + 1});
+    });
+    return box;
+}
+
 std::vector<HostileCase> hostile_cases(int side)
 {
     // A prime width and another prime height: no tile, strip or vector fits.
@@ -266,6 +306,9 @@ std::vector<HostileCase> hostile_cases(int side)
         "a tile of NaN",
         [=](int, int x, int y, float v) { return x < half / 2 && y < half / 2 ? nan : v; },
         Demand::confined);
+
+    pixels(
+        "nothing but NaN", [](int, int, int, float) { return nan; }, Demand::hopeless);
 
     const auto by_input = [&](std::string name, std::function<PixelChange(const std::string&)> of) {
         cases.push_back({std::move(name), Demand::finite, [=](const Graph& graph) {

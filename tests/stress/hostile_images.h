@@ -19,8 +19,9 @@ enum class Demand {
     finite, ///< every pixel finite, or a typed error
     no_nan, ///< squares of the values are no floats: infinity where that is the right value, no NaN
     anything, ///< even sums of two values are no floats: no crash, and the same in every way
-    confined  ///< NaN or infinity went in: out of a graph nothing of it comes, and in what a node
-              ///< makes of it the corner farthest away is still finite
+    hopeless, ///< NaN alone went in: nothing of it comes out of a graph, or of a node as a figure
+    confined ///< NaN or infinity went in: out of a graph nothing of it comes, and a node spreads it
+             ///< no further than to the pixels it makes from it
 };
 
 struct HostileCase {
@@ -40,6 +41,12 @@ std::vector<HostileCase> deep_cases(int side);
 void change_images(
     RunRequest& request,
     const std::function<void(const std::string& input, std::size_t element, MemoryImage&)>& change);
+
+/// Whether a finite pixel or sample of any input is below zero.
+bool has_negative_pixels(const RunRequest& request);
+
+/// The smallest box around all pixels and samples that are not finite; empty when there are none.
+Region box_of_bad_pixels(const RunRequest& request);
 
 /// Sets every pixel: value(channel, x, y, what it was).
 void set_pixels(MemoryImage& image, const std::function<float(int, int, int, float)>& value);

@@ -65,6 +65,21 @@ TEST(FitLaplacian, AConstantBandIsFitted)
     EXPECT_EQ(fit(band, "").number("s_c"), 0.0);
 }
 
+/// A band with holes of this value where x + y is divisible by 7.
+std::shared_ptr<MemoryImage> with_holes(float hole)
+{
+    return image_of({0, 0, 45, 37}, {"high.Y"}, [=](int, int x, int y) {
+        return (x + y) % 7 == 0 ? hole : static_cast<float>((x * 37 + y * 11) % 64) - 31.5f;
+    });
+}
+
+TEST(FitLaplacian, WhatIsNotFiniteIsNotCounted)
+{
+    const Table expected = fit(with_holes(0.0f), "");
+    for (const float hole : {NAN, INFINITY, -INFINITY})
+        EXPECT_EQ(fit(with_holes(hole), ""), expected) << hole;
+}
+
 TEST(FitLaplacian, EveryPixelCountsWhateverTheWidth)
 {
     for (const int width : {1, 7, 8, 13, 17}) {

@@ -70,6 +70,20 @@ TEST(FitNoise, TheHighPassOfOneImageWillDo)
     }
 }
 
+TEST(FitNoise, WhatIsNotFiniteIsNotCounted)
+{
+    const auto figures = [](float hole) {
+        const auto band = image_of({0, 0, 45, 37}, {"high.Y"}, [=](int, int x, int y) {
+            return (x + y) % 3 != 0 ? hole : static_cast<float>((x * 37 + y * 11) % 64) - 31.5f;
+        });
+        return tables_of("  noise: {op: fit.noise, band: image}\n", "  image: any\n",
+                         {{"image", band}});
+    };
+    EXPECT_GT(figures(0.0f).front().number("deviation"), 1.0);
+    for (const float hole : {NAN, INFINITY, -INFINITY})
+        EXPECT_EQ(figures(hole), figures(0.0f)) << hole;
+}
+
 TEST(FitNoise, EachChannelsHighPassStandsForItsOwnBands)
 {
     std::mt19937 random(7);

@@ -64,6 +64,22 @@ TEST(BandFit, HistogramIsADensity)
         std::sqrt(error), 1e-12);
 }
 
+TEST(BandFit, WhatIsNotFiniteIsNotCounted)
+{
+    const auto tables = [](float hole) {
+        return measure(image_of({0, 0, 45, 37}, {"high.Y"},
+                                [=](int, int x, int y) {
+                                    return (x + y) % 7 == 0
+                                               ? hole
+                                               : static_cast<float>((x * 37 + y * 11) % 64) - 31.5f;
+                                }),
+                       ", bins: 41")
+            .tables;
+    };
+    for (const float hole : {NAN, INFINITY, -INFINITY})
+        EXPECT_EQ(tables(hole), tables(0.0f)) << hole;
+}
+
 TEST(BandFit, CountsEachChannelBinByBin)
 {
     // Skewed, of unlike widths, and with values beyond a short reach, which count as values all the
