@@ -2,6 +2,7 @@
 #include "nodes/fuse/histogram_kernel.h"
 
 #include "rayloom/core/registry.h"
+#include "rayloom/core/text.h"
 
 #include <cmath>
 #include <cstring>
@@ -110,6 +111,11 @@ public:
         if (histogram.channel_count() < 2)
             throw NodeError("input 'histogram' has " + std::to_string(histogram.channel_count()) +
                             " channel; a histogram has its bins and, last, the number of samples");
+        if (histogram.colour().size() == 3 && histogram.channel_count() <= 4 &&
+            histogram.channel("R") >= 0)
+            throw NodeError("input 'histogram' has channels " + join_names(histogram.channels) +
+                            ": that is a picture; a histogram has its bins and, last, the number "
+                            "of samples");
         m_alpha = image.alpha();
         if (image.channel_count() - (m_alpha >= 0 ? 1 : 0) < 1)
             throw NodeError("input 'image' has no channel to average besides alpha");

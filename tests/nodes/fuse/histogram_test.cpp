@@ -308,6 +308,9 @@ TEST(FuseHistogram, MistakesSayWhatToDo)
     Case c = random_case({0, 0, 8, 8}, 20, 64, 11, false);
     EXPECT_NE(plan_error(c, params(1, 12, 3, 0)).find("try 13"), std::string::npos);
     EXPECT_NE(plan_error(c, params(1, 13, 2, 0)).find("try 3"), std::string::npos);
+    c.histogram.desc.channels = {"R", "G", "B", "A"};
+    c.histogram.pixels = ImageBuffer(c.histogram.desc.data, 4);
+    EXPECT_NE(plan_error(c, params(1, 13, 3, 0)).find("that is a picture"), std::string::npos);
     EXPECT_NE(plan_error(c, params(-1, 13, 3, 0)), "");
     Case shifted = random_case({1, 0, 9, 8}, 20, 64, 11, false);
     std::swap(shifted.image, c.image);
