@@ -52,8 +52,8 @@ class PosteriorMeanTable
 public:
     /// The identity.
     PosteriorMeanTable() = default;
-    /// Good for |y| ≤ greatest; the error of operator() is at most 1e-4 s_n there, half of which
-    /// may be interpolation.
+    /// Good for |y| ≤ greatest; the error of operator() is at most 1e-4 s_n + 1e-7 |y| there. Half
+    /// of the first may be interpolation, the second is that of a float.
     PosteriorMeanTable(const GeneralisedLaplacian& signal, const GeneralisedLaplacian& noise,
                        double greatest);
 

@@ -256,9 +256,9 @@ PlainResult plain_merge_lobes(const PlainInput& in)
                 if (!(pivot > 0.0)) continue;
                 const double direct = render.at(3 + c, x, y), indirect = render.at(6 + c, x, y);
                 const double light = lobe.at(c, x, y) / pivot;
-                const double share = direct + indirect > 0.0 ? direct / (direct + indirect) : 1.0;
-                merged.at(3 + c, x, y) = light * share;
-                merged.at(6 + c, x, y) = light * (1.0 - share);
+                const double both = direct + indirect;
+                merged.at(3 + c, x, y) = both > 0.0 ? light * (direct / both) : light;
+                merged.at(6 + c, x, y) = both > 0.0 ? light * (indirect / both) : 0.0;
             }
     PlainResult out;
     out.images["image"] = {merged};

@@ -111,6 +111,52 @@ Fitted fit(const std::vector<Sample>& samples, int colours)
     return result;
 }
 
+/// The pixels of the square and of its quadrants, with their weights (equation 10).
+std::array<std::vector<Sample>, 5> samples_around(const PlaneInput& in, const PlaneOptions& o,
+                                                  int x, int y, int r)
+{
+    struct Pixel {
+        int dx, dy;
+        double guide;
+    };
+    std::vector<Pixel> pixels;
+    double weights = 0.0, mean = 0.0, variance = 0.0;
+    for (int dy = -r; dy <= r; ++dy)
+        for (int dx = -r; dx <= r; ++dx) {
+            const int u = x + dx, v = y + dy;
+            if (u < 0 || v < 0 || u >= in.z.width || v >= in.z.height) continue;
+            double guide = guide_weight(in, x, y, u, v) * source_weight(in, o, u, v);
+            if (dx == 0 && dy == 0) guide = std::max(guide, own_weight);
+            if (guide <= 0.0) continue;
+            pixels.push_back({dx, dy, guide});
+            weights += guide;
+            mean += guide * light_of(in.z, u, v);
+            variance += guide * variance_of(in.variance, u, v);
+        }
+    mean /= weights;
+    const double scale = mean + (o.range_by_noise ? std::sqrt(variance / weights) : 0.0);
+    std::array<std::vector<Sample>, 5> samples;
+    for (const Pixel& p : pixels) {
+        const int u = x + p.dx, v = y + p.dy;
+        const double range =
+            scale > 0.0 ? o.range * std::abs(light_of(in.z, u, v) - mean) / scale : 0.0;
+        Sample s{static_cast<double>(p.dx),
+                 static_cast<double>(p.dy),
+                 p.guide *
+                     std::exp(-range - (p.dx * p.dx + p.dy * p.dy) / static_cast<double>(r * r)),
+                 variance_of(in.variance, u, v),
+                 {}};
+        for (int c = 0; c < in.z.channels; ++c) s.z.push_back(in.z.at(c, u, v));
+        samples[0].push_back(s);
+        for (int q = 0; q < 4; ++q) {
+            const bool in_x = (q & 1) != 0 ? p.dx <= 0 : p.dx >= 0;
+            const bool in_y = (q & 2) != 0 ? p.dy <= 0 : p.dy >= 0;
+            if (in_x && in_y) samples[static_cast<std::size_t>(q + 1)].push_back(s);
+        }
+    }
+    return samples;
+}
+
 } // namespace
 
 double guide_weight(const PlaneInput& in, int x, int y, int u, int v)
@@ -165,45 +211,7 @@ CentrePlanes fit_centre(const PlaneInput& in, const PlaneOptions& o, int x, int 
     const int colours = in.z.channels;
     CentrePlanes result;
     for (int r = o.min_radius; r <= o.max_radius; r = next_radius(o, r)) {
-        struct Pixel {
-            int dx, dy;
-            double guide;
-        };
-        std::vector<Pixel> pixels;
-        double weights = 0.0, mean = 0.0, variance = 0.0;
-        for (int dy = -r; dy <= r; ++dy)
-            for (int dx = -r; dx <= r; ++dx) {
-                const int u = x + dx, v = y + dy;
-                if (u < 0 || v < 0 || u >= in.z.width || v >= in.z.height) continue;
-                double guide = guide_weight(in, x, y, u, v) * source_weight(in, o, u, v);
-                if (dx == 0 && dy == 0) guide = std::max(guide, own_weight);
-                if (guide <= 0.0) continue;
-                pixels.push_back({dx, dy, guide});
-                weights += guide;
-                mean += guide * light_of(in.z, u, v);
-                variance += guide * variance_of(in.variance, u, v);
-            }
-        mean /= weights;
-        const double scale = mean + (o.range_by_noise ? std::sqrt(variance / weights) : 0.0);
-        std::array<std::vector<Sample>, 5> samples;
-        for (const Pixel& p : pixels) {
-            const int u = x + p.dx, v = y + p.dy;
-            const double range =
-                scale > 0.0 ? o.range * std::abs(light_of(in.z, u, v) - mean) / scale : 0.0;
-            Sample s{static_cast<double>(p.dx),
-                     static_cast<double>(p.dy),
-                     p.guide * std::exp(-range -
-                                        (p.dx * p.dx + p.dy * p.dy) / static_cast<double>(r * r)),
-                     variance_of(in.variance, u, v),
-                     {}};
-            for (int c = 0; c < colours; ++c) s.z.push_back(in.z.at(c, u, v));
-            samples[0].push_back(s);
-            for (int q = 0; q < 4; ++q) {
-                const bool in_x = (q & 1) != 0 ? p.dx <= 0 : p.dx >= 0;
-                const bool in_y = (q & 2) != 0 ? p.dy <= 0 : p.dy >= 0;
-                if (in_x && in_y) samples[static_cast<std::size_t>(q + 1)].push_back(s);
-            }
-        }
+        const std::array<std::vector<Sample>, 5> samples = samples_around(in, o, x, y, r);
         std::array<Fitted, 5> fits;
         for (std::size_t i = 0; i < 5; ++i) fits[i] = fit(samples[i], colours);
         bool uneven = false;
@@ -223,6 +231,39 @@ CentrePlanes fit_centre(const PlaneInput& in, const PlaneOptions& o, int x, int 
         }
     }
     return result;
+}
+
+std::array<PlaneSystem, 5> plane_systems(const PlaneInput& in, const PlaneOptions& o, int x, int y,
+                                         int radius)
+{
+    using Matrix = Eigen::Matrix<long double, 3, 3>;
+    using Vector = Eigen::Matrix<long double, 3, 1>;
+    std::array<PlaneSystem, 5> systems;
+    const std::array<std::vector<Sample>, 5> samples = samples_around(in, o, x, y, radius);
+    for (std::size_t i = 0; i < 5; ++i) {
+        PlaneSystem& system = systems[i];
+        Matrix m = Matrix::Zero();
+        for (const Sample& s : samples[i]) {
+            const Vector p(s.dx, s.dy, 1.0);
+            m += s.weight * p * p.transpose();
+        }
+        const auto values = Eigen::SelfAdjointEigenSolver<Matrix>(m).eigenvalues();
+        system.condition = static_cast<double>(values(2) / std::max(values(0), 1e-30L));
+        const long double sum = m(2, 2), xx = m(0, 0) - m(0, 2) * m(0, 2) / sum,
+                          yy = m(1, 1) - m(1, 2) * m(1, 2) / sum,
+                          xy = m(0, 1) - m(0, 2) * m(1, 2) / sum;
+        system.spread = static_cast<double>(
+            std::min({10 * xx / sum, 10 * yy / sum, 100 * (1 - xy * xy / (xx * yy))}));
+        for (std::size_t c = 0; c < static_cast<std::size_t>(in.z.channels); ++c) {
+            Vector right = Vector::Zero();
+            for (const Sample& s : samples[i]) right += s.weight * s.z[c] * Vector(s.dx, s.dy, 1.0);
+            const Vector k = m.fullPivLu().solve(right);
+            system.plane.push_back(
+                {static_cast<double>(k(0)), static_cast<double>(k(1)), static_cast<double>(k(2))});
+            system.mean.push_back(static_cast<double>(right(2) / sum));
+        }
+    }
+    return systems;
 }
 
 std::vector<CentrePlanes> fit_all(const PlaneInput& in, const PlaneOptions& o)

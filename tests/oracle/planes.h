@@ -42,6 +42,19 @@ bool grows_on(const PlaneInput& in, const PlaneOptions& options, int x, int y);
 /// w_n · w_part of two pixels.
 double guide_weight(const PlaneInput& in, int x, int y, int u, int v);
 CentrePlanes fit_centre(const PlaneInput& in, const PlaneOptions& options, int x, int y);
+/// What a plane of one size is made of: its system, and both answers to it without any guard.
+struct PlaneSystem {
+    /// Largest over smallest eigenvalue of Σ w (x, y, 1)ᵀ(x, y, 1), in pixels.
+    double condition = 0.0;
+    /// How wide the pixels are spread, over what a plane asks for: below 1 the mean takes its
+    /// place.
+    double spread = 0.0;
+    std::vector<std::array<double, 3>> plane; ///< a, b, c of each colour, solved in long double
+    std::vector<double> mean;                 ///< weighted, of each colour
+};
+/// Of the square and the quadrants around one centre, as in CentrePlanes.
+std::array<PlaneSystem, 5> plane_systems(const PlaneInput& in, const PlaneOptions& options, int x,
+                                         int y, int radius);
 /// All centres, row by row.
 std::vector<CentrePlanes> fit_all(const PlaneInput& in, const PlaneOptions& options);
 Raster<double> fuse_all(const PlaneInput& in, const PlaneOptions& options,

@@ -22,31 +22,21 @@ TEST(Moments, MergedPartsEqualTwoPasses)
     std::exponential_distribution<double> value(0.3);
     std::vector<double> samples;
     for (int i = 0; i < 1000; ++i) samples.push_back(1e6 + value(random));
-    double mean = 0.0, m2 = 0.0, m3 = 0.0, m4 = 0.0;
+    double mean = 0.0, m2 = 0.0;
     for (const double x : samples) mean += (x - 1e6) / 1000.0;
     mean += 1e6;
     for (const double x : samples) {
         const double d = x - mean;
         m2 += d * d;
-        m3 += d * d * d;
-        m4 += d * d * d * d;
     }
     for (const std::size_t cut : {0u, 1u, 500u, 999u, 1000u}) {
         Moments<double> a, b;
-        Moments4 a4, b4;
-        for (std::size_t i = 0; i < samples.size(); ++i) {
-            (i < cut ? a : b).add(samples[i]);
-            (i < cut ? a4 : b4).add(samples[i]);
-        }
+        for (std::size_t i = 0; i < samples.size(); ++i) (i < cut ? a : b).add(samples[i]);
         a.merge(b);
-        a4.merge(b4);
         EXPECT_EQ(a.count, 1000);
         EXPECT_NEAR(a.mean, mean, 1e-8);
         EXPECT_NEAR(a.variance(), m2 / 999.0, 1e-8);
         EXPECT_NEAR(a.variance_of_mean(), m2 / 999.0 / 1000.0, 1e-11);
-        EXPECT_NEAR(a4.second(), m2 / 1000.0, 1e-8);
-        EXPECT_NEAR(a4.m3, m3, 1e-7 * std::abs(m3));
-        EXPECT_NEAR(a4.fourth(), m4 / 1000.0, 1e-7 * m4 / 1000.0);
     }
     EXPECT_EQ(Moments<double>{}.variance(), 0.0);
 }
@@ -136,12 +126,14 @@ TEST(GeneralisedLaplacian, FitRecoversFromDraws)
     for (const double p : {0.7, 1.5}) {
         const double s = 0.19;
         std::gamma_distribution<double> gamma(1.0 / p, 1.0);
-        Moments4 moments;
-        for (int i = 0; i < 1000000; ++i) {
-            const double x = s * std::pow(gamma(random), 1.0 / p);
-            moments.add(i % 2 == 0 ? x : -x);
+        constexpr int n = 1000000;
+        double second = 0.0, fourth = 0.0;
+        for (int i = 0; i < n; ++i) {
+            const double square = std::pow(s * std::pow(gamma(random), 1.0 / p), 2);
+            second += square / n;
+            fourth += square * square / n;
         }
-        const auto fit = fit_generalised_laplacian(moments.second(), moments.fourth());
+        const auto fit = fit_generalised_laplacian(second, fourth);
         EXPECT_NEAR(fit.density.p, p, 0.02 * p);
         EXPECT_NEAR(fit.density.s, s, 0.02 * s);
     }
