@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/stress/reach.h"
 
+#include <algorithm>
+#include <functional>
+
 namespace rayloom::test
 {
 
@@ -13,6 +16,14 @@ Reach::Reach(const Graph& graph, const RunRequest& request, const Region& box)
 
 bool Reach::reaches(const std::string& output, std::size_t image, int x, int y) const
 {
+    return std::ranges::any_of(read_for(output, image, x, y), [&](const auto& read) {
+        return !read.second.intersect(m_box).empty();
+    });
+}
+
+Reach::Regions Reach::read_for(const std::string& output, std::size_t image, int x, int y) const
+{
+    Regions read;
     // Producers stand before consumers: from the sink backwards, each item is asked once.
     std::map<int, Region, std::greater<>> asked;
     asked[m_sinks.find(output)->second.at(image)] = {x, y, x + 1, y + 1};
@@ -20,15 +31,16 @@ bool Reach::reaches(const std::string& output, std::size_t image, int x, int y) 
         const auto [number, region] = *asked.begin();
         asked.erase(asked.begin());
         const WorkItem& item = m_plan.items[static_cast<std::size_t>(number)];
-        if (item.inputs.empty() && !region.intersect(m_box).empty()) return true;
-        const PlanResult& result = m_plan.ops[static_cast<std::size_t>(item.op)].result;
+        const PlannedOp& op = m_plan.ops[static_cast<std::size_t>(item.op)];
+        if (item.inputs.empty()) read[op.id] = read[op.id].hull(region);
         for (const WorkItem::Input& in : item.inputs) {
-            const auto needs = result.needs.find(in.port);
+            const auto needs = op.result.needs.find(in.port);
             for (std::size_t e = 0; e < in.streams.size(); ++e) {
                 const Stream& stream = m_plan.streams[static_cast<std::size_t>(in.streams[e])];
                 if (stream.item < 0) continue;
-                Region need =
-                    needs == result.needs.end() ? region : needs->second({e, item.element, region});
+                Region need = needs == op.result.needs.end()
+                                  ? region
+                                  : needs->second({e, item.element, region});
                 need = need.intersect(stream.desc.data);
                 if (need.empty()) continue;
                 const auto [it, is_new] = asked.emplace(stream.item, need);
@@ -36,7 +48,7 @@ bool Reach::reaches(const std::string& output, std::size_t image, int x, int y) 
             }
         }
     }
-    return false;
+    return read;
 }
 
 } // namespace rayloom::test

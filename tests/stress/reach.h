@@ -12,16 +12,21 @@
 namespace rayloom::test
 {
 
-/// Which pixels of a graph's outputs are made from given pixels of its inputs. What reductions read
+/// Which pixels of a graph's outputs are made from which pixels of its inputs. What reductions read
 /// is left out: a figure of the whole image must not spread one bad pixel over it.
 class Reach
 {
 public:
-    /// The pixels are those inside `box`, of every input. Throws what make_plan() throws.
-    Reach(const Graph& graph, const RunRequest& request, const Region& box);
+    /// `box` holds the pixels, of every input, that reaches() asks for. Throws what make_plan()
+    /// throws.
+    Reach(const Graph& graph, const RunRequest& request, const Region& box = {});
 
     /// Whether a pixel of an image (or deep image) of an output may depend on them.
     bool reaches(const std::string& output, std::size_t image, int x, int y) const;
+
+    using Regions = std::map<std::string, Region, std::less<>>;
+    /// What of each input a pixel of an image of an output is made from.
+    Regions read_for(const std::string& output, std::size_t image, int x, int y) const;
 
 private:
     Plan m_plan;

@@ -30,11 +30,14 @@ std::shared_ptr<MemoryImage> blank(const Region& window, std::vector<std::string
     return image;
 }
 
+/// What is left of n, from 0 on wherever windows begin.
+std::int64_t rest(std::int64_t n, int of) { return (n % of + of) % of; }
+
 /// Two regions of different light, so that filters have something to keep apart.
 float radiance(int x, int y, std::mt19937& random)
 {
     std::exponential_distribution<float> light(1.0f);
-    return (std::int64_t{x} + y) % 29 < 14 ? 0.2f * light(random) : 1.5f * light(random);
+    return rest(std::int64_t{x} + y, 29) < 14 ? 0.2f * light(random) : 1.5f * light(random);
 }
 
 std::shared_ptr<MemoryImage> histogram_image(const Region& window, unsigned seed)
@@ -49,7 +52,7 @@ std::shared_ptr<MemoryImage> histogram_image(const Region& window, unsigned seed
     std::mt19937 random(seed);
     for (int y = window.y0; y < window.y1; ++y)
         for (int x = window.x0; x < window.x1; ++x) {
-            const auto more = (std::int64_t{x} * 7 + std::int64_t{y} * 3) % 5;
+            const auto more = rest(std::int64_t{x} * 7 + std::int64_t{y} * 3, 5);
             const int samples = 14 + static_cast<int>(more);
             for (int s = 0; s < samples; ++s)
                 for (int c = 0; c < 3; ++c) {
@@ -80,7 +83,7 @@ std::shared_ptr<MemoryImage> radiance_image(const Region& window, std::vector<st
                 const bool alpha = image->desc.channels[static_cast<std::size_t>(c)] == "A";
                 float& v = image->pixels.view().at(c, x, y);
                 v = radiance(x, y, random);
-                if (alpha) v = 0.25f + 0.75f * static_cast<float>((std::int64_t{x} + y) % 2);
+                if (alpha) v = 0.25f + 0.75f * static_cast<float>(rest(std::int64_t{x} + y, 2));
                 if (black.contains(x, y)) v = 0.0f;
                 if (even.contains(x, y)) v = 0.5f;
             }
@@ -135,6 +138,22 @@ RunRequest made_up_request(const Graph& graph, const Region& window, unsigned se
             }
             auto image = radiance_image(window, names, image_seed);
             if (is("count")) image->pixels.fill(16.0f);
+            const auto set = [&](const auto& value) {
+                for (int c = 0; c < image->desc.channel_count(); ++c)
+                    for (int y = window.y0; y < window.y1; ++y)
+                        for (int x = window.x0; x < window.x1; ++x)
+                            image->pixels.view().at(c, x, y) =
+                                value(c, std::int64_t{x}, std::int64_t{y});
+            };
+            if (is("marked"))
+                set([](int, auto x, auto y) { return rest(x * 5 + y * 3, 37) == 0 ? 1.0f : 0.0f; });
+            // Objects where the regions of light are.
+            if (is("boundary"))
+                set([](int, auto x, auto y) { return rest(x + y, 29) % 14 == 0 ? 1.0f : 0.0f; });
+            if (is("parts"))
+                set([](int c, auto x, auto y) {
+                    return c % 2 == 1 ? (c == 1 ? 1.0f : 0.0f) : rest(x + y, 29) < 14 ? 7.0f : 8.0f;
+                });
             binding.images.push_back(std::move(image));
         }
     }
