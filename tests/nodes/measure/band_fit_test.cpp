@@ -80,6 +80,16 @@ TEST(BandFit, WhatIsNotFiniteIsNotCounted)
         EXPECT_EQ(tables(hole), tables(0.0f)) << hole;
 }
 
+TEST(BandFit, BinsFarBeyondTheBandAreEmptyAndCountAsMissed)
+{
+    const auto band = image_of({0, 0, 64, 64}, {"high.Y"}, [](int, int x, int y) {
+        return static_cast<float>((x * 37 + y * 11) % 64) - 31.5f;
+    });
+    // Nearly all of 10001 bins lie where neither the band nor a double of the distribution reaches.
+    const RunReport report = measure(band, ", bins: 10001, reach: 100");
+    EXPECT_NEAR(report.tables.at("table").front().number("fitting_error"), 1.0, 0.2);
+}
+
 TEST(BandFit, CountsEachChannelBinByBin)
 {
     // Skewed, of unlike widths, and with values beyond a short reach, which count as values all the
