@@ -116,6 +116,20 @@ std::array<double, 3> lab_of(std::array<double, 3> linear)
     return {116 * f(y) - 16, 500 * (f(x) - f(y)), 200 * (f(y) - f(z))};
 }
 
+TEST(ColourMap, ARangeIsSpreadOverAllOfIt)
+{
+    ImageBuffer image(Region{-1, 2, 4, 3}, 1);
+    const float values[] = {1.0f, 2.0f, 5.0f, 6.0f, 9.0f};
+    for (int x = -1; x < 4; ++x) image.view().at(0, x, 2) = values[x + 1];
+    const ImageBuffer colours = map_colours(image.view(), 2.0, 6.0);
+    const double places[] = {0.0, 0.0, 0.75, 1.0, 1.0};
+    for (int x = -1; x < 4; ++x)
+        for (int c = 0; c < 3; ++c)
+            EXPECT_EQ(colours.view().at(c, x, 2),
+                      map_colour(places[x + 1])[static_cast<std::size_t>(c)])
+                << x << " " << c;
+}
+
 TEST(ColourMap, StepsAreEvenAndSurviveColourBlindness)
 {
     // Deuteranopia and protanopia after Viénot, Brettel and Mollon (1999), on linear sRGB.

@@ -159,6 +159,22 @@ TEST(ErrorMeasures, PixelsThatAreNotFiniteAreCountedAndLeftOut)
     EXPECT_EQ(map.view().at(0, 4, 9), 0.0f);
 }
 
+TEST(ErrorMeasures, OneValueThatIsNotFiniteIsEnoughWhereverItIs)
+{
+    const Region region = noisy_scene(21, 16, 3, 2).image.region();
+    for (const int x : {region.x0, region.x0 + 9, region.x1 - 1})
+        for (const int y : {region.y0, region.y1 - 1})
+            for (int c = 0; c < 3; ++c)
+                for (const bool of_reference : {false, true}) {
+                    Scene s = noisy_scene(21, 16, 3, 2);
+                    (of_reference ? s.reference : s.image).view().at(c, x, y) =
+                        c == 1 ? nan : infinity;
+                    const ErrorMeasures m = measure_errors(s.image.view(), s.reference.view());
+                    EXPECT_EQ(m.non_finite_pixels, 1u) << x << " " << y << " " << c;
+                    EXPECT_TRUE(std::isfinite(m.rmse)) << x << " " << y << " " << c;
+                }
+}
+
 TEST(ErrorMeasures, SayWhatDoesNotFit)
 {
     const ImageBuffer a(Region{0, 0, 4, 4}, 3), b(Region{0, 0, 4, 5}, 3), c(Region{0, 0, 4, 4}, 2);

@@ -39,6 +39,12 @@ TEST(Moments, MergedPartsEqualTwoPasses)
         EXPECT_NEAR(a.variance_of_mean(), m2 / 999.0 / 1000.0, 1e-11);
     }
     EXPECT_EQ(Moments<double>{}.variance(), 0.0);
+    Moments<double> two;
+    two.add(1.0);
+    EXPECT_EQ(two.variance(), 0.0);
+    two.add(4.0);
+    EXPECT_EQ(two.variance(), 4.5);
+    EXPECT_EQ(two.variance_of_mean(), 2.25);
 }
 
 // A bright pixel with little noise, where the mean of squares minus the square of the mean is lost.

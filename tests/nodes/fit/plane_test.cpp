@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace rayloom
 {
@@ -82,6 +83,20 @@ TEST(FitPlane, OracleOneColourRangeByNoise)
     o.range_by_noise = true;
     expect_like_oracle(noisy_scene({0, 0, 30, 21}, 1, 0.4f, 4), fit_params(5, 0.1, 2.0, "noise"),
                        o);
+}
+
+TEST(FitPlane, NormalsAreFoundByName)
+{
+    PlaneScene scene = noisy_scene({0, 0, 40, 30}, 3, 0.1f, 5);
+    const NodeRun expected = run_node("fit.plane", fit_params(6), scene.inputs());
+    const TestImage normal = std::move(*scene.normal);
+    scene.normal =
+        test::make_image(normal.desc.data, {"depth", "X", "Y", "Z"}, [&](int c, int x, int y) {
+            return c == 0 ? static_cast<float>(x) : normal.view().at(c - 1, x, y);
+        });
+    const NodeRun run = run_node("fit.plane", fit_params(6), scene.inputs());
+    EXPECT_EQ(test::differing_floats(run.image("coefficients"), expected.image("coefficients")),
+              0u);
 }
 
 TEST(FitPlane, OracleEverySize)

@@ -291,6 +291,14 @@ TEST(FuseHistogram, BlackTilesAreSkippedWithTheSameBits)
     const NodeRun full = fuse(c, params(0.9, 9, 3, 0), options);
     EXPECT_TRUE(full.skipped.empty());
     EXPECT_EQ(differing_floats(skipped.image(), full.image()), 0u);
+
+    // Light below zero is none, but it is not black.
+    for (const float value : {-0.25f, -0.0f}) {
+        for (int y = 0; y < 32; ++y)
+            for (int x = 0; x < 60; ++x) c.image.view().at(1, x, y) = value;
+        options.may_skip = true;
+        EXPECT_TRUE(fuse(c, params(0.9, 9, 3, 0), options).skipped.empty()) << value;
+    }
 }
 
 std::string plan_error(const Case& c, const ParamValues& p)

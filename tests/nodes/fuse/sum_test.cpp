@@ -25,13 +25,15 @@ const Region window{-4, 3, 29, 24};
 
 TEST(FuseSum, AddsColoursAndKeepsAlphaOfTheBase)
 {
-    const TestImage base = random_image(window, {"R", "G", "B", "A"}, 1),
-                    a = random_image(window, {"R", "G", "B"}, 2),
-                    b = random_image(window, {"R", "G", "B"}, 3);
+    // Rows of several blocks, the last of them short.
+    const Region wide{-4, 3, 295, 9};
+    const TestImage base = random_image(wide, {"R", "G", "B", "A"}, 1),
+                    a = random_image(wide, {"R", "G", "B"}, 2),
+                    b = random_image(wide, {"R", "G", "B"}, 3);
     const NodeRun run =
         run_node("fuse.sum", {}, {{"images", {&a, &b}, nullptr, true}, {"base", {&base}}});
-    for (int y = window.y0; y < window.y1; ++y)
-        for (int x = window.x0; x < window.x1; ++x) {
+    for (int y = wide.y0; y < wide.y1; ++y)
+        for (int x = wide.x0; x < wide.x1; ++x) {
             for (int c = 0; c < 3; ++c)
                 EXPECT_EQ(run.image().view().at(c, x, y),
                           static_cast<float>(static_cast<double>(base.view().at(c, x, y)) +

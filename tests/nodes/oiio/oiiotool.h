@@ -17,7 +17,11 @@
 namespace rayloom::node_test
 {
 
-inline bool have_oiiotool() { return std::system("oiiotool --version > /dev/null 2>&1") == 0; }
+inline bool have_oiiotool()
+{
+    static const bool yes = std::system("oiiotool --version > /dev/null 2>&1") == 0;
+    return yes;
+}
 
 inline void write_exr(const TestImage& image, const std::string& path)
 {

@@ -49,6 +49,20 @@ TestImagePtr holed_image()
     return image;
 }
 
+/// With an alpha that is no share of a pixel.
+TestImagePtr loose_image()
+{
+    auto image = std::make_shared<TestImage>();
+    const Region window{0, 0, 31, 23};
+    const TestImagePtr sound = random_image(window, window, {"R", "G", "B", "A"}, 17);
+    image->desc = sound->desc;
+    image->pixels = ImageBuffer(window, 4);
+    copy_pixels(sound->pixels.view(), image->pixels.view());
+    for (int y = 0; y < window.y1; ++y)
+        for (float& alpha : image->pixels.view().row_span(3, y)) alpha = 3.0f * alpha - 1.0f;
+    return image;
+}
+
 const std::map<std::string, TestImagePtr>& test_images()
 {
     static const std::map<std::string, TestImagePtr> images = [] {
@@ -64,6 +78,14 @@ const std::map<std::string, TestImagePtr>& test_images()
         m["holed"] = holed_image();
         m["weights"] = random_image({-2, -1, 3, 2}, {-2, -1, 3, 2}, {"Y"}, 7);
         m["one"] = random_image({5, 5, 6, 6}, {0, 0, 9, 9}, rgba, 8);
+        m["deepest"] = random_image({-3, 0, 30, 19}, {0, 0, 30, 19}, {"R", "G", "B", "A", "Z"}, 10);
+        m["nearest"] = random_image({4, -2, 33, 15}, {0, 0, 30, 19}, {"R", "G", "B", "A", "Z"}, 11);
+        // Colour that does not stand first, and channels that are none by name.
+        m["mixed"] = random_image({0, 0, 29, 17}, {0, 0, 29, 17}, {"A", "Z", "B", "G", "R"}, 12);
+        m["unnamed"] = random_image({0, 0, 29, 17}, {0, 0, 29, 17}, {"p", "q", "s", "t", "u"}, 13);
+        m["three"] = random_image({2, -3, 50, 30}, {0, 0, 47, 33}, {"U", "V", "W"}, 14);
+        m["loose"] = loose_image();
+        m["each"] = random_image({-1, -2, 2, 3}, {-1, -2, 2, 3}, rgba, 15);
         return m;
     }();
     return images;
@@ -142,6 +164,20 @@ std::vector<Case> cases()
                  "%holed --clamp:min=0:max=2"});
     c.push_back({"over", "oiio.over", {}, inputs("over", "under", "part"), "%over %part --over"});
     c.push_back({"over_far", "oiio.over", {}, inputs("far", "under", "part"), "%far %part --over"});
+    c.push_back(
+        {"over_loose", "oiio.over", {}, inputs("loose", "under", "part"), "%loose %part --over"});
+    c.push_back({"clamp_alpha",
+                 "oiio.clamp",
+                 {{"clampalpha", true}},
+                 {{"image", "loose"}},
+                 "%loose --clamp:clampalpha=1"});
+    c.push_back({"over_depth",
+                 "oiio.over",
+                 {},
+                 inputs("deepest", "under", "nearest"),
+                 "%deepest %nearest --over"});
+    for (const std::string op : {"premult", "repremult", "unpremult"})
+        c.push_back({op + "_depth", "oiio." + op, {}, {{"image", "deepest"}}, "%deepest --" + op});
     c.push_back({"premult", "oiio.premult", {}, over, "%over --premult"});
     c.push_back({"repremult", "oiio.repremult", {}, over, "%over --repremult"});
     c.push_back({"unpremult", "oiio.unpremult", {}, over, "%over --unpremult"});
@@ -152,6 +188,16 @@ std::vector<Case> cases()
                  {{"channels", Texts{"B", "A", "Y=R", "Z=0.5"}}},
                  over,
                  "%over --ch B,A,Y=R,Z=0.5"});
+    c.push_back({"channels_swapped",
+                 "oiio.channels",
+                 {{"channels", Texts{"R=G", "G=R", "B", "A"}}},
+                 over,
+                 "%over --ch R=G,G=R,B,A"});
+    c.push_back({"channel_append_several",
+                 "oiio.channel_append",
+                 {},
+                 inputs("over", "other", "three"),
+                 "%over %three --chappend"});
     c.push_back({"channel_append",
                  "oiio.channel_append",
                  {},
@@ -308,6 +354,31 @@ std::vector<Case> cases()
                      in,
                      i + " --rangeexpand:luma=1"});
     }
+    c.push_back({"saturate_mixed",
+                 "oiio.saturate",
+                 {{"scale", 0.4}},
+                 {{"image", "mixed"}},
+                 "%mixed --saturate 0.4"});
+    c.push_back({"look_inverse",
+                 "oiio.ociolook",
+                 {{"config", ocio}, {"looks", std::string("warm")}, {"inverse", true}},
+                 flat,
+                 "%flat" + config + "--ociolook:inverse=1:from=scene_linear:to=scene_linear warm"});
+    c.push_back({"file_inverse",
+                 "oiio.ociofiletransform",
+                 {{"config", ocio}, {"file", std::string("grade.cube")}, {"inverse", true}},
+                 flat,
+                 "%flat" + config + "--ociofiletransform:inverse=1 grade.cube"});
+    c.push_back({"contrast_range",
+                 "oiio.contrast",
+                 {{"black", Reals{0.1}}, {"min", Reals{0.2}}, {"max", Reals{0.7}}},
+                 flat,
+                 "%flat --contrast:black=0.1:min=0.2:max=0.7:clamp=0"});
+    c.push_back({"color_map_channel",
+                 "oiio.color_map",
+                 {{"map", std::string("magma")}, {"channel", std::string("G")}},
+                 flat,
+                 "%flat --ch G --colormap magma"});
     for (const std::string image : {"flat", "grey"}) // oiiotool drops the display window here
         c.push_back({"color_map_" + image,
                      "oiio.color_map",
@@ -474,6 +545,77 @@ TEST(OiioTable, ResamplesFarFromTheOriginAsAtIt)
                               here->pixels.view().at(c, x, y))
                         << op << " " << x << "," << y;
     }
+}
+
+TEST(OiioTable, ColourIsFoundByNameAndTheRestStays)
+{
+    const ParamValues params = {
+        {"from", std::string("linear")}, {"to", std::string("sRGB")}, {"unpremult", true}};
+    const auto converted = [&](const TestImagePtr& image) {
+        return run_node("oiio.colorconvert", params, {{"image", {image}}}).outputs.at("image")[0];
+    };
+    const auto picked = [](const TestImagePtr& image, const Texts& channels) {
+        return run_node("oiio.channels", {{"channels", channels}}, {{"image", {image}}})
+            .outputs.at("image")[0];
+    };
+    const TestImagePtr mixed = test_images().at("mixed");
+    const Texts rgba = {"R", "G", "B", "A"};
+    EXPECT_EQ(difference(*picked(converted(mixed), rgba), *converted(picked(mixed, rgba))), "");
+    EXPECT_EQ(difference(*picked(converted(mixed), {"Z"}), *picked(mixed, {"Z"})), "");
+
+    // Without names the first three are colour.
+    const TestImagePtr unnamed = test_images().at("unnamed");
+    const Texts first = {"R=p", "G=q", "B=s"}, rest = {"t", "u"};
+    EXPECT_EQ(difference(*picked(converted(unnamed), first), *converted(picked(unnamed, first))),
+              "");
+    EXPECT_EQ(difference(*picked(converted(unnamed), rest), *picked(unnamed, rest)), "");
+}
+
+TEST(OiioTable, EachChannelHasItsOwnWeights)
+{
+    const TestImagePtr image = test_images().at("over"), weights = test_images().at("each");
+    const ParamValues params = {{"normalize", false}};
+    const TestImagePtr result =
+        run_node("oiio.convolve", params, {{"image", {image}}, {"kernel", {weights}}})
+            .outputs.at("image")[0];
+    for (const std::string channel : {"R", "G", "B", "A"}) {
+        const auto one = [&](const TestImagePtr& from) {
+            return run_node("oiio.channels", {{"channels", Texts{channel}}}, {{"image", {from}}})
+                .outputs.at("image")[0];
+        };
+        const NodeRun alone = run_node("oiio.convolve", params,
+                                       {{"image", {one(image)}}, {"kernel", {one(weights)}}});
+        EXPECT_EQ(difference(*one(result), *alone.outputs.at("image")[0]), "") << channel;
+    }
+}
+
+TEST(OiioTable, RotatesAroundTheSamePlaceOfAnyWindow)
+{
+    const auto run = [](int x, int y) {
+        const Region window{x, y, x + 40, y + 30};
+        const Reals center{x + 9.0, y + 21.0};
+        return run_node("oiio.rotate", {{"angle", 30.0}, {"center", center}},
+                        {{"image", {random_image(window, window, {"R", "G"}, 12)}}})
+            .outputs.at("image")[0];
+    };
+    const TestImagePtr here = run(0, 0), there = run(64, -128);
+    for (int c = 0; c < 2; ++c)
+        for (int y = 0; y < 30; ++y)
+            for (int x = 0; x < 40; ++x)
+                ASSERT_EQ(there->pixels.view().at(c, 64 + x, y - 128),
+                          here->pixels.view().at(c, x, y))
+                    << x << "," << y;
+}
+
+// Tiles that read so much that OpenImageIO gets them a few rows at a time.
+TEST(OiioTable, WideWindowsTakeSeveralCallsATile)
+{
+    const Region window{0, 0, 300, 300};
+    const TestInputs inputs = {{"image", {random_image(window, window, {"Y"}, 16)}}};
+    const ParamValues params = {{"width", std::int64_t{61}}, {"height", std::int64_t{3}}};
+    const NodeRun whole = run_node("oiio.dilate", params, inputs);
+    const NodeRun tiled = run_node("oiio.dilate", params, inputs, 200, 290);
+    EXPECT_EQ(difference(*tiled.outputs.at("image")[0], *whole.outputs.at("image")[0]), "");
 }
 
 TEST(OiioTable, KernelOfSigmaHasThatDeviation)

@@ -25,13 +25,13 @@ TEST(Layer, ChannelsCanBePickedRenamedAndMade)
     const TestImagePtr image = render();
     const NodeRun run =
         run_node("transform.layer",
-                 {{"layer", std::string("Combined")}, {"channels", Texts{"B", "Y=G", "A=1"}}},
+                 {{"layer", std::string("Combined")}, {"channels", Texts{"B", "Y=G", "A=0.5"}}},
                  {{"image", {image}}}, 9, 4);
     const TestImage& out = *run.outputs.at("image")[0];
     EXPECT_EQ(out.desc.channels, (Texts{"B", "Y", "A"}));
     EXPECT_EQ(out.pixels.view().at(0, 3, 3), image->pixels.view().at(2, 3, 3));
     EXPECT_EQ(out.pixels.view().at(1, 3, 3), image->pixels.view().at(1, 3, 3));
-    EXPECT_EQ(out.pixels.view().at(2, 3, 3), 1.0f);
+    EXPECT_EQ(out.pixels.view().at(2, 3, 3), 0.5f);
     ASSERT_EQ(run.plan.channel_aliases.size(), 2u);
     EXPECT_EQ(run.plan.channel_aliases[0].input_channel, 2);
     EXPECT_EQ(run.plan.channel_aliases[1].input_channel, 1);

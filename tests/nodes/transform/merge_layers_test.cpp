@@ -49,6 +49,21 @@ TEST(MergeLayers, ReplacesInPlaceAndKeepsTheRest)
     EXPECT_EQ(run.plan.channel_aliases[7].input, "into");
 }
 
+TEST(MergeLayers, LayersCanBeNamedByTheirRole)
+{
+    const TestImagePtr image = render();
+    const TestImagePtr filtered =
+        random_image(image->desc.data, image->desc.display, {"R", "G", "B"}, 77);
+    const auto merged = [&](const char* param, const char* name) {
+        return run_node("transform.merge_layers",
+                        {{param, Texts{name}}, {"renderer", std::string("cycles")}},
+                        {{"layers", {filtered}}, {"into", {image}}})
+            .outputs.at("image")[0];
+    };
+    EXPECT_EQ(difference(*merged("roles", "diffuse_direct"), *merged("names", "DiffDir")), "");
+    EXPECT_EQ(difference(*merged("roles", "diffuse_indirect"), *merged("names", "DiffInd")), "");
+}
+
 TEST(MergeLayers, WiderWindowAddsZerosAndIsNoPassThrough)
 {
     const TestImagePtr small = random_image({2, 2, 6, 5}, {0, 0, 8, 8}, {"R"}, 3);
@@ -62,6 +77,9 @@ TEST(MergeLayers, WiderWindowAddsZerosAndIsNoPassThrough)
     EXPECT_EQ(out.at(1, 7, 7), large->pixels.view().at(0, 7, 7));
     ASSERT_EQ(run.plan.channel_aliases.size(), 1u);
     EXPECT_EQ(run.plan.channel_aliases[0].output_channel, 1);
+    const NodeRun other = run_node("transform.merge_layers", {{"names", Texts{"l", "s"}}},
+                                   {{"layers", {large, small}}}, 3, 3);
+    EXPECT_EQ(other.outputs.at("image")[0]->desc.data, (Region{0, 0, 8, 8}));
 }
 
 TEST(MergeLayers, ErrorsSayWhatToDo)

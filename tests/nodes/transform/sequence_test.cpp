@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <utility>
+
 namespace rayloom
 {
 namespace
@@ -28,7 +30,13 @@ TEST(Sequence, KeepsTheOrder)
     std::size_t i = 0;
     for (const TestImage* expected : {&a, &b, &now, &c})
         EXPECT_EQ(test::differing_floats(run.image("frames", i++), *expected), 0u);
-    EXPECT_EQ(run.plan.aliases.size(), 4u);
+    ASSERT_EQ(run.plan.aliases.size(), 4u);
+    const std::pair<const char*, std::size_t> from[] = {
+        {"before", 0}, {"before", 1}, {"frame", 0}, {"after", 0}};
+    for (i = 0; i < 4; ++i) {
+        EXPECT_EQ(run.plan.aliases[i].input, from[i].first) << i;
+        EXPECT_EQ(run.plan.aliases[i].input_element, from[i].second) << i;
+    }
     EXPECT_EQ(run_node("transform.sequence", {}, {{"frame", {&now}}}).outputs.at("frames").size(),
               1u);
 }
