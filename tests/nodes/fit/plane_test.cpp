@@ -99,6 +99,22 @@ TEST(FitPlane, NormalsAreFoundByName)
               0u);
 }
 
+TEST(FitPlane, PivotIsTheColourWhereverItStands)
+{
+    PlaneScene scene = noisy_scene({0, 0, 40, 30}, 3, 0.1f, 5);
+    const auto coefficients = [&](std::vector<std::string> names) {
+        const int first = names[0] == "A" ? 1 : 0;
+        scene.pivot = test::make_image({0, 0, 40, 30}, names, [&](int c, int x, int y) {
+            return 0.1f * static_cast<float>((5 * x + 3 * y + 2 * (c - first + 1)) % 13);
+        });
+        return run_node("fit.plane", fit_params(6), scene.inputs());
+    };
+    const NodeRun plain = coefficients({"R", "G", "B"}),
+                  behind = coefficients({"A", "R", "G", "B"});
+    EXPECT_EQ(test::differing_floats(plain.image("coefficients"), behind.image("coefficients")),
+              0u);
+}
+
 TEST(FitPlane, OracleEverySize)
 {
     oracle::PlaneOptions o;

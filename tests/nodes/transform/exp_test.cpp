@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 namespace rayloom::test
@@ -43,6 +44,24 @@ TEST(Exp, UndoesTheLogarithm)
                     ASSERT_NEAR(out.pixels.view().at(c, x, y), v, 1e-5 * v + 1e-7) << opponent;
                 }
     }
+}
+
+TEST(Exp, HasTheValueAt87Beyond)
+{
+    const auto image = image_of({0, 0, 6, 1}, {"R"}, [](int, int x, int) {
+        return std::array{86.0f, 87.0f, 88.5f, 96.0f, 1e4f, 1e30f}[static_cast<std::size_t>(x)];
+    });
+    const auto ones = image_of({0, 0, 6, 1}, {"R"}, [](int, int, int) { return 1.0f; });
+    const MemoryImage out =
+        run_text("rayloom: 1\ninputs: {image: logarithms, other: light}\nnodes:\n"
+                 "  log: {op: transform.log, image: other}\n"
+                 "  back: {op: transform.exp, image: image, figures: log.figures}\n"
+                 "outputs: {image: back}\n",
+                 {{"image", image}, {"other", ones}});
+    const auto row = out.pixels.view().row_span(0, 0);
+    EXPECT_NEAR(row[0] / std::exp(86.0f), 1.0f, 1e-6f);
+    EXPECT_NEAR(row[1] / std::exp(87.0f), 1.0f, 1e-6f);
+    for (std::size_t x = 2; x < 6; ++x) EXPECT_EQ(row[x], row[1]) << x;
 }
 
 TEST(Exp, WhatFallsBelowBlackIsBlack)

@@ -77,6 +77,13 @@ TEST(Lobes, RadianceIsColourTimesLight)
     };
     EXPECT_FLOAT_EQ(diffuse.pixels.view().at(1, 4, 3),
                     at("DiffCol.G", 4, 3) * (at("DiffDir.G", 4, 3) + at("DiffInd.G", 4, 3)));
+    std::string split = apart;
+    split.replace(split.rfind('}'), 1, ", split: true}");
+    for (const auto& [lobe, light] : {std::pair{"[0]", "DiffDir.G"}, {"[1]", "DiffInd.G"}}) {
+        const MemoryImage one = run_text(split + "outputs: {image: 'lobes.radiance" + lobe + "'}\n",
+                                         {{"render", render}});
+        EXPECT_FLOAT_EQ(one.pixels.view().at(1, 4, 3), at("DiffCol.G", 4, 3) * at(light, 4, 3));
+    }
 }
 
 TEST(Lobes, RefusesLayersOfSomethingElse)
