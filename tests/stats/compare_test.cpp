@@ -89,6 +89,26 @@ TEST(Compare, PixelsThatAreNotFiniteBreakALimit)
     EXPECT_EQ(broken_limits(m, std::vector{none}).size(), 1u);
 }
 
+TEST(Compare, ARatioOfNoErrorToSomeIsNought)
+{
+    const ImageBuffer reference = grey(0.5f), b = grey(0.6f);
+    const YAML::Node json =
+        YAML::Load(compare_images(reference.view(), b.view(), reference.view()).json());
+    ASSERT_TRUE(json["a_over_b"]["rmse"].IsDefined());
+    EXPECT_EQ(json["a_over_b"]["rmse"].as<double>(), 0.0);
+}
+
+TEST(Compare, ThePicturesRangeCountsEveryRow)
+{
+    const ImageBuffer reference = grey(0.5f);
+    for (const int row : {0, 19}) {
+        ImageBuffer image = grey(0.5f);
+        for (int x = 0; x < 24; ++x) image.view().at(0, x, row) = 0.8f;
+        const ErrorPicture p = error_picture(image.view(), reference.view(), ErrorMap::absolute);
+        EXPECT_NEAR(p.high, 0.1, 1e-6) << row;
+    }
+}
+
 TEST(Compare, PictureSpreadsTheErrorsAndIgnoresOneFireFly)
 {
     const ImageBuffer reference = grey(0.5f);

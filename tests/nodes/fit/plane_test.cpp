@@ -16,6 +16,7 @@ namespace
 {
 
 using test::even_scene;
+using test::NodeInput;
 using test::NodeRun;
 using test::noisy_scene;
 using test::PlaneScene;
@@ -303,8 +304,41 @@ TEST(FitPlane, TilesAndTargetsGiveTheSameBits)
     hwy::SetSupportedTargetsForTest(0);
 }
 
+TEST(FitPlane, ImageAndMarksAreColoursWhereverTheyStand)
+{
+    PlaneScene scene = noisy_scene({0, 0, 40, 30}, 3, 0.1f, 5);
+    TestImage image = std::move(scene.image);
+    const auto marks = [](int c, int x, int y) { return (x + 2 * y + c) % 5 == 0 ? 1.0f : 0.0f; };
+    const auto coefficients = [&](bool behind) {
+        const std::vector<std::string> names = behind ? std::vector<std::string>{"A", "R", "G", "B"}
+                                                      : std::vector<std::string>{"R", "G", "B"};
+        const int first = behind ? 1 : 0;
+        scene.image = test::make_image(image.desc.data, names, [&](int c, int x, int y) {
+            return c < first ? 7.0f : image.view().at(c - first, x, y);
+        });
+        const TestImage marked = test::make_image(image.desc.data, names, [&](int c, int x, int y) {
+            return c < first ? 1.0f : marks(c - first, x, y);
+        });
+        std::vector<NodeInput> inputs = scene.inputs();
+        inputs.push_back({"marked", {&marked}});
+        return run_node("fit.plane", fit_params(6), inputs);
+    };
+    const NodeRun plain = coefficients(false), behind = coefficients(true);
+    EXPECT_EQ(test::differing_floats(plain.image("coefficients"), behind.image("coefficients")),
+              0u);
+    // And marks make a difference.
+    scene.image = std::move(image);
+    const NodeRun without = run_node("fit.plane", fit_params(6), scene.inputs());
+    EXPECT_GT(test::differing_floats(plain.image("coefficients"), without.image("coefficients")),
+              0u);
+}
+
 TEST(FitPlane, RefusesWhatDoesNotFit)
 {
+    PlaneScene apart = noisy_scene({0, 0, 8, 8}, 3, 0.2f, 1);
+    apart.pivot =
+        test::make_image({0, 0, 8, 8}, {"R", "A", "G", "B"}, [](int, int, int) { return 1.0f; });
+    EXPECT_THROW(run_node("fit.plane", fit_params(3), apart.inputs()), NodeError);
     const PlaneScene scene = noisy_scene({0, 0, 8, 8}, 3, 0.2f, 1);
     ParamValues p = fit_params(3);
     p["min_radius"] = std::int64_t{4};

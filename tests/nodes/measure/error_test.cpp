@@ -148,17 +148,22 @@ TEST(MeasureError, MapIsTheSameInTilesAsWhole)
         EXPECT_EQ(context.result().outputs.at("map")[0].channels, std::vector<std::string>{"Y"});
         EXPECT_EQ(context.result().pointwise, name != "flip");
         CountingServices services;
+        ImageBuffer held_a(window, 3), held_b(window, 3);
         for (int y = window.y0; y < window.y1; y += 13)
             for (int x = window.x0; x < window.x1; x += 17) {
                 const Region tile = Region{x, y, x + 17, y + 13}.intersect(window);
-                const auto part = [&](const char* port, const ImageBuffer& from) {
+                // What was not asked for is not there.
+                const auto part = [&](const char* port, const ImageBuffer& from, ImageBuffer& to) {
                     const auto need = context.result().needs.find(port);
                     const Region held =
-                        need == context.result().needs.end() ? tile : need->second({0, 0, tile});
-                    return ConstImageView(from.view()).crop(held.intersect(window));
+                        (need == context.result().needs.end() ? tile : need->second({0, 0, tile}))
+                            .intersect(window);
+                    to.fill(std::numeric_limits<float>::quiet_NaN());
+                    copy_pixels(ConstImageView(from.view()).crop(held), to.view().crop(held));
+                    return ConstImageView(to.view()).crop(held);
                 };
-                const std::array<ConstImageView, 1> a{part("image", image)},
-                    b{part("reference", reference)};
+                const std::array<ConstImageView, 1> a{part("image", image, held_a)},
+                    b{part("reference", reference, held_b)};
                 const std::array<TileContext::Input, 2> inputs{
                     {{"image", a, {}, nullptr}, {"reference", b, {}, nullptr}}};
                 ImageBuffer out(tile, 1);

@@ -66,6 +66,43 @@ TEST(Lobes, BlackLobesVanish)
     EXPECT_EQ(notes.find("glossy: black"), std::string::npos) << notes;
 }
 
+TEST(Lobes, LightDividedByABlackColourIsBlack)
+{
+    const auto render = made_up_render({"DiffCol"}, 6);
+    RunReport report;
+    expect_beauty(run_text(together, {{"render", render}}, {}, {}, &report), *render);
+    std::string notes;
+    for (const std::string& note : report.notes) notes += note + "\n";
+    EXPECT_NE(notes.find("diffuse: black, skipped"), std::string::npos) << notes;
+}
+
+TEST(Lobes, ARenderWithoutLightPassesOnItsBeauty)
+{
+    const auto render = made_up_render({"Dir", "Ind"}, 6);
+    expect_beauty(run_text(together, {{"render", render}}), *render);
+}
+
+TEST(Lobes, AlbedoIsThePivotOfDiffuseLightAlone)
+{
+    auto render = std::make_shared<MemoryImage>();
+    render->desc.data = render->desc.display = Region{0, 0, 24, 18};
+    for (const std::string layer : {"", "diffuse.", "specular.", "albedo."})
+        for (const char* c : {"R", "G", "B"}) render->desc.channels.push_back(layer + c);
+    render->pixels = ImageBuffer(render->desc.data, 12);
+    render->pixels.fill(0.5f);
+    const std::string text =
+        "rayloom: 1\ninputs: {render: all layers}\nnodes:\n"
+        "  layers: {op: transform.layers, image: render}\n"
+        "  lobes: {op: transform.lobes, render: render, layers: layers, renderer: generic}\n"
+        "outputs: {image: 'lobes.radiance[0]'}\n";
+    RunReport report;
+    run_text(text, {{"render", render}}, {}, {}, &report);
+    std::string notes;
+    for (const std::string& note : report.notes) notes += note + "\n";
+    EXPECT_EQ(notes.find("diffuse: no pivot"), std::string::npos) << notes;
+    EXPECT_NE(notes.find("glossy: no pivot"), std::string::npos) << notes;
+}
+
 TEST(Lobes, RadianceIsColourTimesLight)
 {
     const auto render = made_up_render({}, 7);
