@@ -80,6 +80,10 @@ TEST(Lobes, ARenderWithoutLightPassesOnItsBeauty)
 {
     const auto render = made_up_render({"Dir", "Ind"}, 6);
     expect_beauty(run_text(together, {{"render", render}}), *render);
+    // One lobe stays, so that what works on all of them has something to work on.
+    const MemoryImage first =
+        run_text(apart + "outputs: {image: 'lobes.radiance[0]'}\n", {{"render", render}});
+    EXPECT_EQ(first.pixels.view().at(1, 4, 3), 0.0f);
 }
 
 TEST(Lobes, AlbedoIsThePivotOfDiffuseLightAlone)
