@@ -307,17 +307,23 @@ TEST(ImageReader, AlphaZeroKeepsItsColour)
     EXPECT_EQ(pixels.view().at(3, 2, 2), 0.0f);
 }
 
+// A file of any format, through OpenImageIO.
+void write_plain(const std::string& path, const OIIO::ImageSpec& spec,
+                 const std::vector<float>& pixels)
+{
+    auto out = OIIO::ImageOutput::create(path);
+    ASSERT_TRUE(out && out->open(path, spec)) << path;
+    ASSERT_TRUE(out->write_image(OIIO::TypeFloat, pixels.data())) << out->geterror();
+    ASSERT_TRUE(out->close()) << path;
+}
+
 TEST(ImageReader, OtherFormats)
 {
     const TemporaryFolder folder;
     for (const char* name : {"a.tif", "a.png", "a.ppm"}) {
         const std::string path = folder.file(name);
         OIIO::ImageSpec spec(9, 7, 3, OIIO::TypeUInt16);
-        auto out = OIIO::ImageOutput::create(path);
-        ASSERT_TRUE(out && out->open(path, spec)) << name;
-        const std::vector<float> grey(9 * 7 * 3, 0.25f);
-        ASSERT_TRUE(out->write_image(OIIO::TypeFloat, grey.data()));
-        ASSERT_TRUE(out->close());
+        write_plain(path, spec, std::vector<float>(9 * 7 * 3, 0.25f));
         const auto file = ImageFile::open(path);
         const ImageReader reader(file, find(*file, "", "RGB"));
         ImageBuffer pixels(reader.desc().data, 3);
@@ -355,10 +361,7 @@ TEST(ImageReader, OtherFormatsCutShortAreErrors)
         OIIO::ImageSpec spec(all.width(), all.height(), 3, OIIO::TypeUInt8);
         spec.attribute("compression", compression);
         spec.tile_width = spec.tile_height = tile;
-        auto out = OIIO::ImageOutput::create(path);
-        ASSERT_TRUE(out && out->open(path, spec)) << name;
-        ASSERT_TRUE(out->write_image(OIIO::TypeFloat, noise.data())) << out->geterror();
-        ASSERT_TRUE(out->close());
+        write_plain(path, spec, noise);
         EXPECT_EQ(read(path), "") << name << compression;
         const std::vector<char> whole = bytes_of(path);
         for (const std::size_t percent : {5u, 30u, 60u, 95u}) {
@@ -375,11 +378,7 @@ TEST(ImageReader, ChannelsWithoutNamesGetThem)
     const TemporaryFolder folder;
     const std::string path = folder.file("a.fits");
     OIIO::ImageSpec spec(9, 7, 3, OIIO::TypeFloat);
-    auto out = OIIO::ImageOutput::create(path);
-    ASSERT_TRUE(out && out->open(path, spec));
-    const std::vector<float> grey(9 * 7 * 3, 0.25f);
-    ASSERT_TRUE(out->write_image(OIIO::TypeFloat, grey.data()));
-    ASSERT_TRUE(out->close());
+    write_plain(path, spec, std::vector<float>(9 * 7 * 3, 0.25f));
     const auto file = ImageFile::open(path);
     const ImageReader reader(file, find(*file, "", "RGB"));
     ImageBuffer pixels(reader.desc().data, 3);
